@@ -162,19 +162,26 @@ impl FilePlan {
                 let (path, folder) = (output.path.clone(), input.path.clone());
                 return Err(FilePlanError::InInput { path, output: output.role, folder, input: input.role });
             }
-            // Of a file with several names, one may be in the folder.
-            let linked = existing.iter().filter(|(_, output)| {
-                output.path.metadata().is_ok_and(|file| file.is_file() && file.nlink() > 1)
-            });
-            let linked: HashMap<Identity, &Use> = linked.map(|(key, output)| (*key, *output)).collect();
-            let entries = (!linked.is_empty()).then(|| input.path.read_dir().ok()).flatten();
-            let mut entries = entries.into_iter().flatten().flatten();
-            if let Some(output) = entries.find_map(|entry| linked.get(&identity(&entry.path())?).copied()) {
+            if let Some(output) = linked_from(&input.path, existing) {
                 return Err(shared(output, input, output));
             }
         }
         Ok(())
     }
+}
+
+/// The output that has another name in `folder`: a symbolic link, or one of several names of the file.
+fn linked_from<'a>(folder: &Path, existing: &HashMap<Identity, &'a Use>) -> Option<&'a Use> {
+    let names = |output: &Use| {
+        output.path.metadata().ok().filter(std::fs::Metadata::is_file).map(|file| file.nlink())
+    };
+    let several = existing.values().filter_map(|output| names(output)).max()? > 1;
+    // The metadata of each image of a large folder takes time to read, so only where one can be an output.
+    let is_link = |entry: &std::fs::DirEntry| entry.file_type().is_ok_and(|kind| kind.is_symlink());
+    let mut entries = folder.read_dir().ok()?.flatten().filter(|entry| several || is_link(entry));
+    entries.find_map(|entry| {
+        existing.get(&identity(&entry.path())?).filter(|output| output.path.is_file()).copied()
+    })
 }
 
 /// Records `output`. Returns the earlier use of the same file, if there is one.
@@ -268,6 +275,16 @@ mod tests {
         let problem = files.problem(&["in/depth.png"], &["in/"]);
         assert_eq!(problem.unwrap(), "`in/depth.png` is both the source and a result");
         assert_eq!(files.problem(&["in/a.mcap"], &["elsewhere/b.mcap", "new.mcap", "new/"]), None);
+    }
+
+    #[test]
+    fn an_output_is_not_what_a_link_in_an_input_folder_names() {
+        let files = Files::new(&["in/a.png", "store/b.png", "results/depth.npy"]);
+        std::os::unix::fs::symlink(files.path("store/b.png"), files.path("in/b.png")).unwrap();
+        std::os::unix::fs::symlink(files.path("results"), files.path("in/results")).unwrap();
+        let problem = files.problem(&["in"], &["store/b.png"]);
+        assert_eq!(problem.unwrap(), "`store/b.png` is both the source and the output");
+        assert_eq!(files.problem(&["in"], &["results/"]), None);
     }
 
     #[test]
