@@ -136,6 +136,32 @@ def gradient_matching(log_predicted: torch.Tensor, log_truth: torch.Tensor) -> t
     return total / GRADIENT_SCALES
 
 
+def expected_error(
+    log_error: torch.Tensor, log_predicted: torch.Tensor, truth: torch.Tensor
+) -> torch.Tensor:
+    """Mean of `r exp(-s) + s`, least where `exp(s)` is the expected relative error.
+
+    The negative logarithm of Laplace's density of scale `exp(s)` (Kendall and Gal, "What
+    uncertainties do we need in Bayesian deep learning for computer vision?", 2017), of
+    `r = |d - median(d)|`, `d = log p - log t`. The median is the image's own error of scale. With
+    it in `r`, the head learns to tell scenes apart instead of pixels, and ranks pixels worse, also
+    by their error with the scale. `log_error` may be smaller than depth; it is then resized
+    bilinearly. It alone gets a gradient.
+    """
+    size = truth.shape[2:]
+    s = F.interpolate(log_error.float(), size=size, mode="bilinear", align_corners=False)
+    d = log_predicted.detach().float() - truth.clamp(min=CLIP).log()
+    total, pixels = s.sum() * 0.0, 0
+    for of_image, found in zip(d, s, strict=True):
+        known = of_image.isfinite()
+        if not known.any():
+            continue
+        r = (of_image[known] - of_image[known].median()).abs()
+        total = total + (r * (-found[known]).exp() + found[known]).sum()
+        pixels += r.numel()
+    return total / max(pixels, 1)
+
+
 def scale_shift_invariant(log_predicted: torch.Tensor, log_truth: torch.Tensor) -> torch.Tensor:
     """Mean absolute difference of inverse depths, each shifted by its median and scaled to 1.
 

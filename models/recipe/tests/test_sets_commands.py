@@ -10,6 +10,7 @@ from nunet_models.cli import main
 from nunet_models.data.sets.cameras import Pinhole
 from nunet_models.data.sets.entry import read_dataset_list
 from nunet_models.data.sets.folder import CameraSet
+from nunet_models.evaluation.compare import Prediction
 from nunet_models.evaluation.robustness import border_errors, noise_change, roughness
 from nunet_models.evaluation.sets import errors, focal_factor, set_metrics
 from nunet_models.evaluation.sets_command import MEAN, mean_over_sets, table
@@ -123,7 +124,7 @@ def test_evaluate_measures_every_set_and_their_mean(sets, capsys):
 def figures_of(tmp_path, answer, **more):
     write_set(tmp_path / "a", scenes=("hall", "hall", "hall", "attic"))
     entry = read_dataset_list(write_list(tmp_path / "l.toml", 'name = "a"\nroot = "a"'))[0]
-    return set_metrics(CameraSet(entry), answer, **more)
+    return set_metrics(CameraSet(entry), lambda rgb: Prediction(answer(rgb), None), **more)
 
 
 def test_the_truth_itself_is_without_error_whatever_the_camera(tmp_path):

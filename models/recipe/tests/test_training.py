@@ -185,7 +185,7 @@ def test_a_loss_that_is_no_number_stops_before_any_weight_is_lost(dataset, tmp_p
         finally:
             after.extend(trained(self.component))
 
-    monkeypatch.setattr("nunet_models.training.trainer.cross_entropy", broken)
+    monkeypatch.setattr("nunet_models.training.objective.cross_entropy", broken)
     monkeypatch.setattr(Trainer, "_step", step)
     assert train(dataset, tmp_path, epochs=1) == 1
     assert before and all(torch.equal(*two) for two in zip(before, after, strict=True))

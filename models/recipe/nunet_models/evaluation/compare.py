@@ -8,6 +8,7 @@ import numpy as np
 from nunet_models.data.pairs import Pair, Pairs
 from nunet_models.errors import DataError
 from nunet_models.evaluation.protocol import MIN_DEPTH_M, Protocol
+from nunet_models.evaluation.sparsification import of_depth
 from nunet_models.metrics import METRICS, DepthMetrics, LabelMetrics, image_mean
 
 MINMAX_METRICS = ("mse", "rmse")  # metrics of stretched depth in the paper
@@ -17,10 +18,14 @@ ROW = ("id", *METRICS, *(f"minmax_{name}" for name in MINMAX_METRICS))
 
 @dataclass(frozen=True)
 class Prediction:
-    """Depth float32 `[H, W]` in the model's unit (NaN = none); labels uint8 `[H, W]` or None."""
+    """Depth float32 `[H, W]` in the model's unit (NaN = none); labels uint8 `[H, W]` or None.
+
+    `confidence` is uint8 `[H, W]`, 255 = certain, or None where the model has none.
+    """
 
     depth: np.ndarray
     labels: np.ndarray | None
+    confidence: np.ndarray | None = None
 
 
 Predict = Callable[[np.ndarray], Prediction]
@@ -33,6 +38,7 @@ class Comparison:
     `depth` is meters under the protocol; `minmax` compares whole images, each stretched from
     its nearest to its farthest point, as the paper did; `per_image` has one row per image.
     `beyond` counts pixels whose true depth in meters is too near or too far to be compared.
+    `sparsity` has the sparsification of each image that has a confidence.
     """
 
     protocol: Protocol
@@ -41,6 +47,7 @@ class Comparison:
     depth: DepthMetrics = field(default_factory=DepthMetrics)
     minmax: DepthMetrics = field(default_factory=DepthMetrics)
     beyond: int = 0
+    sparsity: list[dict[str, float]] = field(default_factory=list)
     per_image: list[dict[str, float | str]] = field(default_factory=list)
 
     def add(self, pair: Pair, prediction: Prediction) -> None:
@@ -56,15 +63,17 @@ class Comparison:
                 hint="a mean image is for images of its own size",
             )
         try:
-            metrics = self.add_depth(prediction.depth, pair.depth_m)
+            metrics = self.add_depth(prediction.depth, pair.depth_m, prediction.confidence)
         except DataError as error:
             raise DataError(f"image `{pair.id}`: {error}", hint=error.hint) from error
         if self.labels is not None and pair.labels is not None and prediction.labels is not None:
             self.labels.add(prediction.labels, pair.labels)
         self.per_image.append({"id": pair.id, **metrics})
 
-    def add_depth(self, predicted: np.ndarray, truth_m: np.ndarray) -> dict[str, float]:
-        """Count the depth of one image, both `[H, W]`; returns this image's own metrics.
+    def add_depth(
+        self, predicted: np.ndarray, truth_m: np.ndarray, confidence: np.ndarray | None = None
+    ) -> dict[str, float]:
+        """Count the depth of one image, all `[H, W]`; returns this image's own metrics.
 
         They are empty if the image has no depth, and without meters if the network is not metric.
         """
@@ -73,12 +82,27 @@ class Comparison:
             alone.add(self.protocol.predicted(predicted), self.protocol.truth(truth_m))
             self.depth.merge(alone)
             self.beyond += self.protocol.beyond(truth_m)
+            if confidence is not None:
+                self._add_confidence(predicted, truth_m, confidence)
         known = np.isfinite(truth_m)
         guess = stretched(predicted, known) if self.metric else predicted.clip(0.0, 1.0)
         alone_minmax.add(_positive(guess), _positive(stretched(truth_m, known)))
         self.minmax.merge(alone_minmax)
         minmax = alone_minmax.values()
         return alone.values() | {f"minmax_{k}": minmax[k] for k in MINMAX_METRICS if minmax}
+
+    def _add_confidence(
+        self, predicted: np.ndarray, truth_m: np.ndarray, confidence: np.ndarray
+    ) -> None:
+        p, t = self.protocol.predicted(predicted), self.protocol.truth(truth_m)
+        both = np.isfinite(p) & np.isfinite(t)
+        found = of_depth(p[both], t[both], self.protocol.cropped(confidence)[both])
+        if found:
+            self.sparsity.append(found)
+
+    def sparsification(self) -> dict[str, float]:
+        """Mean over images of the metrics of `evaluation.sparsification`."""
+        return {k: float(np.mean([of[k] for of in self.sparsity])) for k in self.sparsity[0]}
 
     @property
     def counted(self) -> DepthMetrics:
@@ -103,6 +127,8 @@ class Comparison:
             "image_mean": image_mean(self.per_image),
             "minmax": {name: minmax[name] for name in MINMAX_METRICS} if minmax else {},
         }
+        if self.sparsity:
+            found["sparsification"] = {"pictures": len(self.sparsity), **self.sparsification()}
         if self.labels is not None:
             labels = self.labels.values()
             found["labels"] = {**labels, "pixels": self.labels.pixels} if labels else {}

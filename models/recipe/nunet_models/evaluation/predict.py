@@ -113,8 +113,11 @@ class Predictor:
         labels = named.get("labels")
         if labels is not None:
             labels = _resized(labels[0], image_size, Image.Resampling.NEAREST)
+        confidence = named.get("confidence")
+        if confidence is not None:
+            confidence = _resized(confidence[0], image_size, Image.Resampling.BILINEAR)
         state = {given: named[output] for output, given in self.state_inputs.items()}
-        return Prediction(decoded(depth, self), labels), state
+        return Prediction(decoded(depth, self), labels, confidence), state
 
 
 def _refuse_stages(path: Path) -> None:

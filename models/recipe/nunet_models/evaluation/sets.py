@@ -2,7 +2,8 @@
 
 A set's metric is the mean over its scenes of the mean over images, so that a near-static view of
 many images weighs as one room. `predict` gives depth for the training camera's focal length at
-the image's size; it is scaled here, as nunetd does.
+the image's size; it is scaled here, as nunetd does. Where it gives a confidence as well, the
+sparsification follows.
 """
 
 from collections import defaultdict
@@ -13,13 +14,12 @@ import numpy as np
 
 from nunet_models.data.sets.cameras import Pinhole
 from nunet_models.data.sets.folder import CameraImage, CameraSet
+from nunet_models.evaluation.compare import Predict
 from nunet_models.evaluation.protocol import PROTOCOLS, Protocol
 from nunet_models.evaluation.robustness import border_errors, noise_change, rolled_errors, roughness
+from nunet_models.evaluation.sparsification import of_depth
 from nunet_models.metrics import DELTA
 from nunet_models.zoo.spec import Camera
-
-Depth = Callable[[np.ndarray], np.ndarray]
-"""uint8 `[H, W, 3]` to depth `[H, W]` in meters of the training camera."""
 
 SIDES = ("left", "right", "top", "bottom")
 
@@ -52,8 +52,10 @@ def focal_factor(camera: Pinhole, training: Camera) -> float:
     return (camera.fx / camera.width) / (training.fx / training.width)
 
 
-def errors(predicted: np.ndarray, truth: np.ndarray) -> dict[str, float]:
-    """Metrics of one image, both `[H, W]` in meters, NaN where nothing is known."""
+def errors(
+    predicted: np.ndarray, truth: np.ndarray, confidence: np.ndarray | None = None
+) -> dict[str, float]:
+    """Metrics of one image, depths `[H, W]` in meters, NaN where nothing is known."""
     both = np.isfinite(predicted) & np.isfinite(truth) & (predicted > 0)
     if not both.any():
         return {}
@@ -63,12 +65,14 @@ def errors(predicted: np.ndarray, truth: np.ndarray) -> dict[str, float]:
     for name, scaled in (("", p), ("_median", p * fit)):
         found[f"abs_rel{name}"] = float((np.abs(scaled - t) / t).mean())
         found[f"delta1{name}"] = float((np.maximum(scaled / t, t / scaled) < DELTA).mean())
+    if confidence is not None:
+        found |= of_depth(p, t, confidence[both])
     return found
 
 
 def set_metrics(
     images: CameraSet,
-    predict: Depth,
+    predict: Predict,
     *,
     training: Camera,
     baseline_m: float | None = None,
@@ -85,9 +89,12 @@ def set_metrics(
     for index in progress(range(len(images))):
         image = images[index]
         factor = focal_factor(image.camera, training)
-        depth = predict(image.pair.rgb) * np.float32(factor)
+        prediction = predict(image.pair.rgb)
+        depth = prediction.depth * np.float32(factor)
         truth = protocol.truth(image.pair.depth_m)
-        found = errors(protocol.predicted(depth), truth)
+        sure = prediction.confidence
+        sure = None if sure is None else protocol.cropped(sure)
+        found = errors(protocol.predicted(depth), truth, sure)
         if baseline_m is not None:
             trivial = errors(np.full(truth.shape, baseline_m * factor), truth)
             found |= {f"baseline_{k}": trivial[k] for k in ("abs_rel", "delta1") if trivial}
@@ -99,20 +106,24 @@ def set_metrics(
 
 def _robustness(
     image: CameraImage,
-    predict: Depth,
+    predict: Predict,
     depth: np.ndarray,
     factor: float,
     protocol: Protocol,
     index: int,
 ) -> dict[str, float]:
-    noisy = predict(noise_change(image.pair.rgb, index)) * np.float32(factor)
+    noisy = predict(noise_change(image.pair.rgb, index)).depth * np.float32(factor)
     found = {
         "noise_mm": 1000.0 * float(np.abs(noisy - depth).mean()),
         "roughness_mm": 1000.0 * roughness(depth),
         **border_errors(depth, image.pair.depth_m),
     }
+
+    def scaled(rgb: np.ndarray) -> np.ndarray:
+        return predict(rgb).depth * factor
+
     for degrees in (0.0, 20.0):
-        turned = rolled_errors(image, lambda rgb: predict(rgb) * factor, degrees, protocol.cap_m)
+        turned = rolled_errors(image, scaled, degrees, protocol.cap_m)
         found |= {f"turn{degrees:.0f}_{k}": v for k, v in turned.items()}
     return found
 

@@ -11,10 +11,13 @@ from tqdm import tqdm
 from nunet_models.data.sets.mixture import Mixture, open_dataset_list
 from nunet_models.errors import ConfigError
 from nunet_models.evaluation.predict import Predictor
-from nunet_models.evaluation.sets import Depth, set_metrics
+from nunet_models.evaluation.sets import set_metrics
+from nunet_models.evaluation.sparsification import KEPT
 from nunet_models.zoo.spec import Camera
 
-COLUMNS = (
+Columns = tuple[tuple[str, str, str], ...]
+
+COLUMNS: Columns = (
     ("images", "images", "{:.0f}"),
     ("AbsRel", "abs_rel", "{:.3f}"),
     ("delta1", "delta1", "{:.3f}"),
@@ -32,6 +35,19 @@ COLUMNS = (
 )
 """Title, metric and format of each column. `factor` is the median of truth over prediction,
 `constant` the AbsRel of one depth for every pixel, and borders are relative to what is inside."""
+CONFIDENCE_COLUMNS: Columns = (
+    ("AbsRel", "abs_rel", "{:.3f}"),
+    *((f"certain {percent} %", f"certain_{percent}", "{:.3f}") for percent in KEPT),
+    *((f"oracle {percent} %", f"oracle_{percent}", "{:.3f}") for percent in KEPT),
+    ("area", "area", "{:.3f}"),
+    ("random", "area_random", "{:.3f}"),
+    ("AbsRel fit", "abs_rel_median", "{:.3f}"),
+    *((f"fit {percent} %", f"certain_{percent}_median", "{:.3f}") for percent in KEPT),
+    ("area fit", "area_median", "{:.3f}"),
+    ("random fit", "area_random_median", "{:.3f}"),
+)
+"""Of models with a confidence: the AbsRel of all and of the most certain pixels, the same ranked by
+the true error, the area between both, and that of a random order; the same after a median fit."""
 MEAN = "mean over sets"
 
 
@@ -52,7 +68,7 @@ def run_sets(options: argparse.Namespace) -> int:
 
         found[name] = set_metrics(
             images,
-            _depth(predictor),
+            predictor,
             training=camera,
             baseline_m=constant,
             robustness=not options.accuracy_only,
@@ -60,14 +76,12 @@ def run_sets(options: argparse.Namespace) -> int:
         )
     found[MEAN] = mean_over_sets(list(found.values()))
     print(table(found), file=sys.stderr)
+    if "area" in found[MEAN]:
+        print(f"\n{table(found, CONFIDENCE_COLUMNS)}", file=sys.stderr)
     print(
         json.dumps({"model": options.model.name, "constant_m": constant, "sets": found}, indent=1)
     )
     return 0
-
-
-def _depth(predictor: Predictor) -> Depth:
-    return lambda rgb: predictor(rgb).depth
 
 
 def median_depth(train: Mixture, camera: Camera, *, images: int = 100) -> float:
@@ -92,11 +106,11 @@ def mean_over_sets(sets: list[dict[str, float]]) -> dict[str, float]:
     return {**means, **{n: sum(f[n] for f in sets) for n in ("images", "scenes")}}
 
 
-def table(found: dict[str, dict[str, float]]) -> str:
+def table(found: dict[str, dict[str, float]], columns: Columns = COLUMNS) -> str:
     """The metrics as a Markdown table."""
-    rows = [["set", *(title for title, _, _ in COLUMNS)]]
+    rows = [["set", *(title for title, _, _ in columns)]]
     for name, metrics in found.items():
-        cells = [form.format(metrics[key]) if key in metrics else "" for _, key, form in COLUMNS]
+        cells = [form.format(metrics[key]) if key in metrics else "" for _, key, form in columns]
         rows.append([name, *cells])
     lines = [f"| {' | '.join(row)} |" for row in rows]
     return "\n".join([lines[0], "|---" * len(rows[0]) + "|", *lines[1:]])

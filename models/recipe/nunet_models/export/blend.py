@@ -12,7 +12,8 @@ def blended(checkpoint: Checkpoint, text: str) -> Checkpoint:
     """`checkpoint` with a share of another one's weights; `text` is `FILE=SHARE`.
 
     Fine-tuned weights that are mixed with those they started from often keep what either is good
-    at (Wortsman et al., "Robust fine-tuning of zero-shot models", 2022).
+    at (Wortsman et al., "Robust fine-tuning of zero-shot models", 2022). A confidence head that the
+    other one does not have stays as it is.
 
     # Errors
     `OptionError` for other text, `ConfigError` for a checkpoint of another graph.
@@ -28,7 +29,7 @@ def blended(checkpoint: Checkpoint, text: str) -> Checkpoint:
         )
     weights = {
         key: value.float() * (1 - share) + other.weights[key].float() * share
-        if value.is_floating_point()
+        if value.is_floating_point() and key in other.weights
         else value
         for key, value in checkpoint.weights.items()
     }

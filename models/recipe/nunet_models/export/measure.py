@@ -11,6 +11,7 @@ from nunet_models.errors import ExportError
 from nunet_models.export.onnx_file import run
 from nunet_models.export.selftest import SelfTestGrid, grid_from_outputs, selftest_image
 from nunet_models.zoo import GraphSpec
+from nunet_models.zoo.confidence import CONFIDENCE
 from nunet_models.zoo.deploy import FusedModel
 
 FP32_MARGIN = 10.0  # other processors and providers differ more than one machine's settings
@@ -19,6 +20,7 @@ INT8_LABEL_CELLS = 3  # of 48; OpenVINO 1.24 differs from ONNX Runtime's own ker
 BF16_MARGIN = 3.0  # bf16 differs much; three times that still detects a wrong channel
 FLOOR = 0.001  # in the depth's unit: smaller errors do not matter
 TORCH_BOUND = 0.001  # largest difference of a pixel between torch and ONNX Runtime, meters
+CONFIDENCE_BOUND = 2  # levels of 255: rounding, and the error's exponential of an exponential
 UNTRAINED_BOUND = 0.01  # random weights magnify rounding more than trained ones
 
 _LEVELS = (
@@ -79,14 +81,25 @@ def check_against_torch(
     # Errors
     `ExportError` when it exceeds `bound`.
     """
-    ours = torch_outputs(model, rgb)["depth"]
-    gap = float(np.abs(run(path, named_inputs(model, rgb))["depth"] - ours).max())
+    ours, theirs = torch_outputs(model, rgb), run(path, named_inputs(model, rgb))
+    gap = float(np.abs(theirs["depth"] - ours["depth"]).max())
     if not gap <= bound:
         raise ExportError(
             f"`{path.name}` differs from the network by {gap:.3g} at the worst pixel, "
             f"more than {bound}"
         )
+    if CONFIDENCE in ours:
+        _check_confidence(path, theirs[CONFIDENCE], ours[CONFIDENCE])
     return gap
+
+
+def _check_confidence(path: Path, theirs: np.ndarray, ours: np.ndarray) -> None:
+    gap = int(np.abs(theirs.astype(int) - ours.astype(int)).max())
+    if gap > CONFIDENCE_BOUND:
+        raise ExportError(
+            f"confidence of `{path.name}` differs from the network's by {gap} levels at the worst "
+            f"pixel, more than {CONFIDENCE_BOUND}"
+        )
 
 
 def measured_selftest(model: FusedModel, path: Path) -> dict:

@@ -19,6 +19,7 @@ from nunet_models.export.measure import (
 from nunet_models.export.metadata import inner_stage_metadata, metadata
 from nunet_models.export.onnx_file import export_onnx, write_metadata
 from nunet_models.zoo import SerialGraph
+from nunet_models.zoo.confidence import CONFIDENCE
 from nunet_models.zoo.deploy import FusedModel, StageModel
 
 
@@ -90,7 +91,7 @@ def staged_toml(graph: SerialGraph, stem: str) -> str:
         stage = StageModel(graph, index)
         sources = {"rgb": "image", "features": f"{before}.logits"}
         stages.append((component.name, {name: sources[name] for name in stage.input_names}))
-        for output in set(stage.output_names) & {"depth", "labels"}:
+        for output in set(stage.output_names) & {"depth", "labels", CONFIDENCE}:
             results[output] = f"{component.name}.{output}"
         before = component.name
     return graph_toml(stem, stages, results)

@@ -9,6 +9,7 @@ from nunet_models.errors import ExportError
 from nunet_models.export.joints import connected_joints
 from nunet_models.export.model_file import graph_toml
 from nunet_models.export.onnx_file import describe, load_model, read_metadata, save_whole
+from nunet_models.zoo.confidence import CONFIDENCE
 
 FEATURES, LOGITS = "features", "logits"
 OF_AN_INNER_STAGE = ("nunet.version", "nunet.classes", "nunet.inner_size")
@@ -34,7 +35,9 @@ def split(fused: Path, out: Path, *, names: tuple[str, str] = ("segmentation", "
         )
     features = _features(model, fused)
     first = _part(model, ["rgb"], [features, "labels"])
-    second = _part(model, ["rgb", features], ["depth"])
+    given = {output.name for output in model.graph.output}
+    of_depth = ["depth", *({CONFIDENCE} & given)]
+    second = _part(model, ["rgb", features], of_depth)
     _rename(first, features, LOGITS)
     _rename(second, features, FEATURES)
     _as_integers_again(second, model, features)
@@ -46,7 +49,8 @@ def split(fused: Path, out: Path, *, names: tuple[str, str] = ("segmentation", "
         save_whole(part, out.with_name(f"{out.stem}.{name}.onnx"))
     wires = {"rgb": "image", FEATURES: f"{names[0]}.{LOGITS}"}
     stages = [(names[0], {"rgb": "image"}), (names[1], wires)]
-    results = {"depth": f"{names[1]}.depth", "labels": f"{names[0]}.labels"}
+    results = {name: f"{names[1]}.{name}" for name in of_depth}
+    results["labels"] = f"{names[0]}.labels"
     out.write_text(graph_toml(out.stem, stages, results), encoding="utf-8")
 
 

@@ -14,6 +14,7 @@ from nunet_models.zoo.deploy import ToInner
 
 MEAN_DEPTH_M = 2.7  # about the mean of indoor images
 SPREAD = 0.35  # standard deviation of log depth, as indoor images have it
+MEAN_ERROR, ERROR_SPREAD = 0.15, 0.5  # of depth, relative; the spread is that of its logarithm
 STATE_SPREAD = 2.0  # of the weights that add the state: depth changes by centimeters
 
 
@@ -34,6 +35,8 @@ def untrained_graph(spec: GraphSpec, *, seed: int) -> SerialGraph:
             _settle_batch_norm(component, x)
             _settle_head(component.head, component(x), spec)
             outputs.append(component(x))
+        if graph.confidence is not None:
+            _settle_confidence(graph, image)
     return graph
 
 
@@ -58,6 +61,16 @@ def _settle_batch_norm(module: nn.Module, x: torch.Tensor) -> None:
     for norm, momentum in zip(norms, momenta, strict=True):
         norm.momentum = momentum
         norm.running_var += norm.running_var.mean()  # small variances magnify rounding
+
+
+def _settle_confidence(graph: SerialGraph, image: torch.Tensor) -> None:
+    """Let the expected error vary over the image as that of a trained network does."""
+    head = graph.confidence.head
+    nn.init.normal_(head.weight, std=0.01)  # within the head's limits
+    _, log_error = graph.with_confidence(image)
+    scale = ERROR_SPREAD / log_error.std()
+    head.weight *= scale
+    head.bias.copy_((head.bias - log_error.mean()) * scale + math.log(MEAN_ERROR))
 
 
 def _settle_head(head: nn.Conv2d | nn.Linear, raw: torch.Tensor, spec: GraphSpec) -> None:

@@ -26,6 +26,7 @@ from nunet_models.training.schedule import SCHEDULES
 from nunet_models.training.settings import AUGMENTATIONS, Settings
 from nunet_models.training.trainer import OPTIMIZERS, Trainer
 from nunet_models.zoo import GraphSpec
+from nunet_models.zoo.confidence import CONFIDENCE
 
 SHARED_SHOWN = 3  # of the ids that two lists share
 CHOICES = {
@@ -72,7 +73,11 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
 
 def _add_settings(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("settings")
-    group.add_argument("--component", required=True, help="the component to train")
+    group.add_argument(
+        "--component",
+        required=True,
+        help="the component to train, or `confidence` for the head that predicts depth's error",
+    )
     group.add_argument(
         "--epochs",
         type=int,
@@ -150,6 +155,8 @@ def _show(options: argparse.Namespace) -> Cached | None:
 
 def _check_labels(options: argparse.Namespace, spec: GraphSpec) -> None:
     """Refuse to train segmentation on data that can have no labels, before it is decoded."""
+    if options.component == CONFIDENCE:
+        return
     component = spec.component(options.component)
     without = options.data.suffix == MAT_SUFFIX and options.class_map is None
     if component.task == "segmentation" and without:

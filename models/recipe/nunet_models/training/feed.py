@@ -17,6 +17,7 @@ from nunet_models.training.settings import AUGMENTATIONS, VIEWS, Settings
 from nunet_models.training.validate import predictions, validate
 from nunet_models.training.validate_sets import validate_sets
 from nunet_models.zoo import SerialGraph
+from nunet_models.zoo.confidence import CONFIDENCE
 
 VALIDATION_BATCH = 8
 
@@ -98,7 +99,7 @@ class FolderFeed:
 
     def shown(self, graph: SerialGraph, component: int, settings: Settings) -> np.ndarray:
         """The prediction for the image of `show`, or the first one of validation."""
-        return next(predictions(graph, self.show or self.val, batch=1, **_how(component, settings)))
+        return _shown(graph, self.show or self.val, component, settings)
 
     def provenance(self, options: argparse.Namespace) -> dict[str, Any]:
         """What a checkpoint records of the data."""
@@ -155,11 +156,17 @@ class SetsFeed:
     def shown(self, graph: SerialGraph, component: int, settings: Settings) -> np.ndarray:
         """The prediction for the image of `show`, or the first one of validation."""
         show = self.show or Cached.of_rgb(self.val[0].pair.id, self.val[0].pair.rgb)
-        return next(predictions(graph, show, batch=1, **_how(component, settings)))
+        return _shown(graph, show, component, settings)
 
     def provenance(self, options: argparse.Namespace) -> dict[str, Any]:
         """What a checkpoint records of the data."""
         return sets_provenance(options, train=self.train, val=self.val)
+
+
+def _shown(graph: SerialGraph, show: Cached, component: int, settings: Settings) -> np.ndarray:
+    """The prediction for the first image of `show`: what the run trains."""
+    found = next(predictions(graph, show, batch=1, **_how(component, settings)))
+    return found[1] if settings.component == CONFIDENCE else found[0]
 
 
 def _how(component: int, settings: Settings) -> dict:

@@ -1,16 +1,18 @@
 """The graph to train: the options that say which, and where its initial weights come from."""
 
 import argparse
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 from nunet_models.data.cache import Cached
-from nunet_models.errors import ConfigError, OptionError
+from nunet_models.errors import ConfigError, OptionError, with_hint
 from nunet_models.training.same_run import difference, graph_options
 from nunet_models.training.trainer import Trainer
 from nunet_models.zoo import Component, GraphSpec, SerialGraph, architecture_names, graph_spec
 from nunet_models.zoo.backbones import check_drop_path
 from nunet_models.zoo.checkpoint import Checkpoint
+from nunet_models.zoo.confidence import CONFIDENCE
 from nunet_models.zoo.dense import DENSE
 from nunet_models.zoo.spec import DECODERS, Camera
 from nunet_models.zoo.weights import begin_with, imagenet_encoder, like_component
@@ -85,6 +87,8 @@ def _graph_spec(options: argparse.Namespace, before: Checkpoint | None) -> Graph
     spec = before.spec if before is not None else _spec(options)
     if options.intrinsics:
         spec = replace(spec, camera=Camera.from_intrinsics(options.intrinsics))
+    if options.component == CONFIDENCE:
+        return replace(spec, confidence=True)
     if options.component not in [c.name for c in spec.components]:
         raise ConfigError(f"components are {', '.join(c.name for c in spec.components)}")
     if spec.component(options.component).memory:
@@ -115,10 +119,12 @@ def build_graph(options: argparse.Namespace) -> tuple[SerialGraph, Checkpoint]:
     for name in ("dropout", "drop_path"):
         if not 0.0 <= (share := getattr(options, name)) < 1.0:
             raise OptionError(f"`--{name.replace('_', '-')} {share}`; expected 0 <= x < 1")
-    before = Checkpoint.load(options.start) if options.start else None
+    _check_of_confidence(options)
+    before = _started_from(options)
     graph = SerialGraph(_graph_spec(options, before))
     if before is not None:
-        graph.load_state_dict(before.weights)
+        fresh = graph.state_dict() if graph.confidence is not None else {}  # its head may be new
+        graph.load_state_dict({**fresh, **before.weights})
     before = before or Checkpoint(graph.spec, {})
     for plug in options.plug:
         name, _, path = plug.partition("=")
@@ -127,6 +133,8 @@ def build_graph(options: argparse.Namespace) -> tuple[SerialGraph, Checkpoint]:
         before.history[name] = other.history.get(name, [])
         before.settings[name] = other.settings.get(name, {})
         before.provenance[name] = other.provenance.get(name, {})
+    if options.component == CONFIDENCE:
+        return graph, before
     component = graph.component(options.component)
     if options.begin_with:
         begin_with(
@@ -137,6 +145,45 @@ def build_graph(options: argparse.Namespace) -> tuple[SerialGraph, Checkpoint]:
     if options.like:
         like_component(component, _earlier(graph, options))
     return graph, before
+
+
+def _started_from(options: argparse.Namespace) -> Checkpoint | None:
+    """The checkpoint of `--start`; without its confidence head if a component changes under it."""
+    if options.start is None:
+        return None
+    before = Checkpoint.load(options.start)
+    if options.component == CONFIDENCE or not before.spec.confidence:
+        return before
+    print(
+        with_hint(
+            f"nunet_models: the confidence head of `{options.start}` is dropped, because it knows "
+            "the errors of the weights as they are",
+            f"afterwards, `--component {CONFIDENCE}` trains another one",
+        ),
+        file=sys.stderr,
+    )
+    return before.without_confidence()
+
+
+def _check_of_confidence(options: argparse.Namespace) -> None:
+    """Refuse to train the head of an untrained network, and options that it does not have."""
+    if options.component != CONFIDENCE:
+        return
+    if not options.start:
+        raise OptionError(
+            f"`--component {CONFIDENCE}` needs a trained network",
+            hint="`--start CHECKPOINT` names its checkpoint",
+        )
+    of_components = (
+        *("dropout", "drop_path", "label_loss", "unfrozen", "compile"),
+        *("begin_with", "imagenet", "like"),
+    )
+    for name in of_components:
+        if getattr(options, name):
+            raise OptionError(
+                f"`--{name.replace('_', '-')}` does not apply to `--component {CONFIDENCE}`",
+                hint="only the head is trained",
+            )
 
 
 def _earlier(graph: SerialGraph, options: argparse.Namespace) -> Component:

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from nunet_models.zoo.confidence import CONFIDENCE
 from nunet_models.zoo.spec import DECODERS, Camera, GraphSpec
 
 _DATA_OPTIONS = {
@@ -93,6 +94,8 @@ def graph_options(spec: GraphSpec) -> dict[str, str]:
 
 def _graph_options_of(spec: GraphSpec, component: str) -> dict[str, str]:
     """The same, with those of the component in training."""
+    if component == CONFIDENCE:  # nothing of the graph is set for it
+        return graph_options(spec)
     trained = spec.component(component)
     more = {"--dropout": str(trained.dropout), "--drop-path": str(trained.drop_path)}
     return graph_options(spec) | more

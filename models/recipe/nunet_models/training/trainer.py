@@ -1,4 +1,4 @@
-"""Training of one component of a serial graph, the earlier ones frozen or trained with it."""
+"""Training of what an objective names: one component of a serial graph, or its confidence head."""
 
 import copy
 import time
@@ -11,22 +11,19 @@ import torch
 from torch import nn
 from tqdm import tqdm
 
-from nunet_models.classes import IGNORE
 from nunet_models.data.batches import Batch
 from nunet_models.data.cache import REACH_M
-from nunet_models.data.encode import encoded_depth
 from nunet_models.errors import ConfigError
-from nunet_models.losses import cross_entropy, parse_loss, weighted_depth_loss
 from nunet_models.training.depthwise import use_fast_kernels
 from nunet_models.training.ema import Averaged
 from nunet_models.training.feed import Feed
 from nunet_models.training.log import RunLog
+from nunet_models.training.objective import objective
 from nunet_models.training.same_run import graph_differences, provenance_differences
 from nunet_models.training.schedule import learning_rate_factor
 from nunet_models.training.settings import Settings
-from nunet_models.zoo import Component, SerialGraph
+from nunet_models.zoo import SerialGraph
 from nunet_models.zoo.checkpoint import Checkpoint
-from nunet_models.zoo.deploy import normalize
 
 SAVE_EVERY_S = 480.0  # a crash loses at most this much work
 LOG_EVERY = 20  # steps of which a row of the log is the mean; an epoch's last row may have fewer
@@ -55,16 +52,13 @@ class Trainer:
     ) -> None:
         self.graph, self.settings, self.feed, self.folder = graph, settings, feed, folder
         self.component = graph.component(settings.component)
-        self.index = list(graph.components).index(self.component)
-        self.segments = graph.spec.components[self.index].task == "segmentation"
+        self.objective = objective(graph, settings)
         self._check_truth()
         self._check_label_loss()
         torch.manual_seed(settings.seed)
         torch.set_num_threads(settings.threads)
         graph.to(memory_format=torch.channels_last)
-        first = 0 if settings.unfrozen else self.index
-        self.frozen: list[Component] = list(graph.components[:first])
-        self.trained: list[Component] = list(graph.components[first : self.index + 1])
+        self.frozen, self.trained = self.objective.frozen, self.objective.trained
         for component in self.frozen:
             component.freeze()
         for component in self.trained:
@@ -73,17 +67,16 @@ class Trainer:
                 use_fast_kernels(component)
         self.averages = [Averaged(component, settings.ema) for component in self.trained]
         self.optimizer = _optimizer(self.trained, settings)
-        labels = self.segments or settings.label_loss > 0.0
-        self.weights = _class_weights(feed, graph, settings) if labels else None
-        self.loss_weights = parse_loss(settings.loss)
+        self.objective.weigh_classes(feed)
         self.step, self.epoch, self.batch = 0, 0, 0
         self.losses: list[float] = []
         self.history: list[dict[str, float]] = []
         self.before = before or Checkpoint(graph.spec, {})
 
     def _check_truth(self) -> None:
-        for name, there in self.feed.has("labels" if self.segments else "depth").items():
-            if self.segments and not there:
+        needs = self.objective.needs
+        for name, there in self.feed.has(needs).items():
+            if needs == "labels" and not there:
                 raise ConfigError(
                     f"the {name} data has no labels",
                     hint="it needs a folder `labels` (classes "
@@ -99,7 +92,7 @@ class Trainer:
     def _check_label_loss(self) -> None:
         if not self.settings.label_loss:
             return
-        earlier = self.graph.spec.components[: self.index]
+        earlier = self.graph.spec.components[: self.objective.index]
         if not any(component.task == "segmentation" for component in earlier):
             raise ConfigError(
                 f"`--label-loss`: no component before `{self.settings.component}` segments",
@@ -175,7 +168,7 @@ class Trainer:
         )
         for group in self.optimizer.param_groups:
             group["lr"] = group["base_lr"] * factor
-        loss = self._loss(batch, *forward)
+        loss = self.objective.loss(batch, *forward)
         value = loss.item()
         if not np.isfinite(value):  # before it reaches the weights
             raise ConfigError(
@@ -193,58 +186,21 @@ class Trainer:
             averaged.update(self.step)
         return value
 
-    def _loss(self, batch: Batch, frozen: list, trained: list) -> torch.Tensor:
-        image = normalize(batch.rgb).contiguous(memory_format=torch.channels_last)
-        with torch.autocast("cpu", torch.bfloat16, enabled=self.settings.bf16):
-            outputs: list[torch.Tensor] = []
-            with torch.no_grad():
-                for module in frozen:
-                    outputs.append(module(self.graph.joint(image, outputs)))
-                if outputs and self.settings.joint_noise:
-                    outputs[-1] = self._disturbed(outputs[-1])
-            for module in trained:
-                outputs.append(module(self.graph.joint(image, outputs)))
-        if self.segments:
-            return self._label_loss(outputs[-1], batch)
-        spec = self.graph.spec
-        loss = weighted_depth_loss(
-            outputs[-1],
-            encoded_depth(batch.depth_m, spec.encoding),
-            weights=self.loss_weights,
-            log_network=spec.encoding == "metric",
-        )
-        if self.settings.label_loss:
-            for component, logits in zip(spec.components, outputs[:-1], strict=False):
-                if component.task == "segmentation":
-                    loss = loss + self.settings.label_loss * self._label_loss(logits, batch)
-        return loss
-
-    def _label_loss(self, logits: torch.Tensor, batch: Batch) -> torch.Tensor:
-        return cross_entropy(
-            logits, batch.labels, weights=self.weights, smoothing=self.settings.smoothing
-        )
-
-    def _disturbed(self, features: torch.Tensor) -> torch.Tensor:
-        """Features scaled by 0.5..1.1 an image, and withheld from some: see `joint_noise`."""
-        shape = (len(features), 1, 1, 1)
-        scale = torch.empty(shape).uniform_(0.5, 1.1)
-        kept = torch.rand(shape) >= self.settings.joint_noise
-        return features * (scale * kept).to(features.dtype)
-
     def _finish_epoch(self, log: RunLog, quiet: bool) -> None:
         self.epoch, self.batch = self.epoch + 1, 0
         if self.epoch % self.settings.validate_every and self.epoch < self.settings.epochs:
             self.save()
             return
         graph = self.averaged_graph()
-        metrics = self.feed.validate(graph, self.index, self.settings)
-        log.prediction(self.epoch, self.feed.shown(graph, self.index, self.settings))
+        index = self.objective.index
+        metrics = self.feed.validate(graph, index, self.settings)
+        log.prediction(self.epoch, self.feed.shown(graph, index, self.settings))
         log.epoch(self.epoch, metrics)
         if not quiet:
             shown = " ".join(f"{name} {value:.4f}" for name, value in metrics.items())
             tqdm.write(f"epoch {self.epoch}: {shown}")
         self.history.append({"epoch": self.epoch, **metrics})
-        score = [_score(row) for row in self.history]
+        score = [self.objective.score(row) for row in self.history]
         if score[-1] == max(score):
             self.save(best=True)  # first: a run that ends in between repeats the epoch from `LAST`
         self.save()
@@ -252,8 +208,8 @@ class Trainer:
     def averaged_graph(self) -> SerialGraph:
         """A copy of the graph with the averaged weights of the components in training."""
         graph = copy.deepcopy(self.graph)  # a fresh one would draw from the run's random numbers
-        first = len(self.frozen)
-        for component, averaged in zip(graph.components[first:], self.averages, strict=False):
+        trained = objective(graph, self.settings).trained
+        for component, averaged in zip(trained, self.averages, strict=True):
             component.load_state_dict(averaged.module.state_dict())
         return graph.eval()
 
@@ -328,14 +284,7 @@ class Trainer:
             )
 
 
-def _score(metrics: dict[str, float]) -> float:
-    """More is better: mIoU of labels; negative RMSE of depth, or AbsRel of several sets."""
-    if "miou" in metrics:
-        return metrics["miou"]
-    return -metrics["rmse"] if "mse" in metrics else -metrics["abs_rel"]
-
-
-def _optimizer(components: list[Component], settings: Settings) -> torch.optim.Optimizer:
+def _optimizer(components: list[nn.Module], settings: Settings) -> torch.optim.Optimizer:
     """Weight decay on convolutions alone; encoders at their own rate."""
     groups: dict[tuple[bool, bool], list[nn.Parameter]] = {}
     for name, parameter in chain.from_iterable(c.named_parameters() for c in components):
@@ -351,12 +300,3 @@ def _optimizer(components: list[Component], settings: Settings) -> torch.optim.O
         for (encoder, decays), parameters in groups.items()
     ]
     return OPTIMIZERS[settings.optimizer](listed, fused=True)  # one pass over the weights
-
-
-def _class_weights(feed: Feed, graph: SerialGraph, settings: Settings) -> torch.Tensor:
-    """Frequency to the power `-class_power`, scaled to a mean of 1 over pixels; `[C]`."""
-    counts = feed.label_counts()
-    share = counts[: len(graph.spec.classes)] / max(1.0, counts[:IGNORE].sum())
-    weights = np.maximum(share, 1e-3) ** -settings.class_power
-    mean = (weights * share).sum() or 1.0  # 0 where no label is among those looked at
-    return torch.tensor(weights / mean, dtype=torch.float32)

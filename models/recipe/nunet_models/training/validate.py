@@ -14,7 +14,7 @@ from nunet_models.evaluation.compare import Comparison
 from nunet_models.evaluation.protocol import EIGEN, FULL
 from nunet_models.metrics import LabelMetrics
 from nunet_models.zoo import GraphSpec, SerialGraph
-from nunet_models.zoo.deploy import decode_depth, normalize
+from nunet_models.zoo.deploy import confidence_bytes, decode_depth, normalize
 
 
 def validate(
@@ -34,13 +34,15 @@ def validate(
     size = tuple(data.depth.shape[1:])
     depth = Comparison(EIGEN if size == EIGEN.size else FULL, spec.encoding == "metric")
     found = predictions(graph, data, component=component, batch=batch, bf16=bf16, workers=workers)
-    for index, image in enumerate(found):
+    for index, (image, confidence) in enumerate(found):
         if segments:
             labels.add(image, data.labels[index])
         else:
-            depth.add_depth(image, data.depth_m(index))
+            depth.add_depth(image, data.depth_m(index), confidence)
     metrics = labels if segments else depth.depth if depth.metric else depth.minmax
     values = metrics.values()
+    if depth.sparsity:
+        values |= depth.sparsification()
     if not values:
         raise ConfigError(
             "no pixel of the validation images has both truth and a prediction",
@@ -51,14 +53,16 @@ def validate(
 
 def predictions(
     graph: SerialGraph, data: Cached, *, component: int, batch: int, bf16: bool, workers: int
-) -> Iterator[np.ndarray]:
+) -> Iterator[tuple[np.ndarray, np.ndarray | None]]:
     """The prediction of component `component` for each image in order, `[H, W]` at its own size.
 
-    Labels uint8, or depth float32 in the graph's encoding, as the model file gives them.
+    Labels uint8, or depth float32 in the graph's encoding, as the model file gives them; then the
+    confidence uint8, None for other components than the last and for a graph without one.
     """
     spec = graph.spec
     size = tuple(data.depth.shape[1:])
     segments = spec.components[component].task == "segmentation"
+    certain = graph.confidence is not None and component == len(graph.components) - 1
     batches = epoch_batches(
         data,
         NO_AUGMENTATION,
@@ -71,11 +75,26 @@ def predictions(
     )
     for samples in batches:
         image = normalize(samples.rgb).contiguous(memory_format=torch.channels_last)
-        outputs: list[torch.Tensor] = []
         with torch.no_grad(), torch.autocast("cpu", torch.bfloat16, enabled=bf16):
-            for module in graph.components[: component + 1]:
-                outputs.append(module(graph.joint(image, outputs)))
-        yield from _at_size(outputs[-1].float(), spec, size, segments=segments)
+            raw, log_error = run_components(graph, image, component)
+        images = _at_size(raw.float(), spec, size, segments=segments)
+        if not certain:
+            yield from ((image, None) for image in images)
+        else:
+            yield from zip(images, confidence_bytes(log_error, size).numpy(), strict=True)
+
+
+def run_components(
+    graph: SerialGraph, image: torch.Tensor, component: int
+) -> tuple[torch.Tensor, torch.Tensor | None]:
+    """Raw numbers of component `component`, and the confidence head's of the last one, or None."""
+    if graph.confidence is not None and component == len(graph.components) - 1:
+        outputs, log_error = graph.with_confidence(image)
+        return outputs[-1], log_error
+    outputs: list[torch.Tensor] = []
+    for module in graph.components[: component + 1]:
+        outputs.append(module(graph.joint(image, outputs)))
+    return outputs[-1], None
 
 
 def _at_size(

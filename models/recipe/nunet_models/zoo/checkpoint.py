@@ -8,6 +8,7 @@ import torch
 
 from nunet_models.errors import ConfigError
 from nunet_models.zoo import GraphSpec, SerialGraph
+from nunet_models.zoo.confidence import CONFIDENCE
 
 VERSION = 1
 _SETTINGS_IN_FILE = {"optimizer": "optimiser"}
@@ -49,7 +50,7 @@ class Checkpoint:
 
         A component learns in its own training, and in that of a later one which left it unfrozen.
         """
-        names = [component.name for component in self.spec.components]
+        names = self._names()
         learned: set[str] = set()
         for index, name in enumerate(names):
             if self.history.get(name):
@@ -59,13 +60,33 @@ class Checkpoint:
 
     def component_weights(self, name: str) -> dict[str, torch.Tensor]:
         """The averaged weights of the component called `name`, by its own keys."""
-        names = [component.name for component in self.spec.components]
+        names = self._names()
         if name not in names:
             raise ConfigError(
                 f"the checkpoint has no component `{name}`", hint=f"{', '.join(names)}"
             )
-        prefix = f"components.{names.index(name)}."
+        prefix = f"{CONFIDENCE}." if name == CONFIDENCE else f"components.{names.index(name)}."
         return {k.removeprefix(prefix): v for k, v in self.weights.items() if k.startswith(prefix)}
+
+    def without_confidence(self) -> Self:
+        """The checkpoint without its confidence head, which belongs to the weights as they are."""
+
+        def kept(of: dict[str, Any]) -> dict[str, Any]:
+            return {name: value for name, value in of.items() if name != CONFIDENCE}
+
+        return replace(
+            self,
+            spec=replace(self.spec, confidence=False),
+            weights={k: v for k, v in self.weights.items() if not k.startswith(f"{CONFIDENCE}.")},
+            history=kept(self.history),
+            settings=kept(self.settings),
+            provenance=kept(self.provenance),
+        )
+
+    def _names(self) -> list[str]:
+        """What can be trained: the components in order, then the confidence head."""
+        names = [component.name for component in self.spec.components]
+        return [*names, CONFIDENCE] if self.spec.confidence else names
 
     def save(self, path: Path) -> None:
         """Write to `path` atomically: a crash keeps the earlier file."""

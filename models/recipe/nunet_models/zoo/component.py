@@ -63,6 +63,22 @@ class Component(nn.Module):
             return self.with_state(x, self.no_state(len(x)))[0]
         return self._decoded(self.unet.encoder(x))
 
+    def with_maps(self, x: torch.Tensor) -> tuple[torch.Tensor, list[torch.Tensor]]:
+        """Raw numbers of one image, and the maps of the decoder, the deepest first.
+
+        For a U-Net without a state. The decoder's own `forward` does the same and keeps no map.
+        """
+        encoded = self.unet.encoder(x)
+        found = self.unet.decoder.center(encoded[-1])
+        maps = []
+        levels = range(len(encoded) - 2, -1, -1)
+        for level, block in zip(levels, self.unet.decoder.blocks, strict=True):
+            height, width = encoded[level].shape[2:]
+            skip = encoded[level] if level else None  # level 0 is the image itself
+            found = block(found, height, width, skip_connection=skip)
+            maps.append(found)
+        return self.unet.segmentation_head(self.dropout(found)), maps
+
     def with_state(self, x: torch.Tensor, state: State) -> tuple[torch.Tensor, State]:
         """Raw numbers of the next image of a stream, and the state to pass with the one after."""
         maps = list(self.unet.encoder(x))

@@ -5,6 +5,7 @@ import torch.nn.functional as F
 from torch import nn
 
 from nunet_models.zoo import GraphSpec, SerialGraph
+from nunet_models.zoo.confidence import CONFIDENCE, confidence_of
 
 PIXEL_MEAN = 127.0
 PIXEL_SCALE = 128.0
@@ -29,6 +30,13 @@ def decode_depth(raw: torch.Tensor, spec: GraphSpec) -> torch.Tensor:
     reader of the file invalidates depth outside `min_m..max_m`.
     """
     return raw.float().exp() if spec.encoding == "metric" else raw.float()
+
+
+def confidence_bytes(log_error: torch.Tensor, size: tuple[int, int]) -> torch.Tensor:
+    """Logarithms of expected errors `[B, 1, h, w]` to confidence, uint8 `[B, *size]`, bilinear."""
+    levels = 255.0 * confidence_of(log_error)
+    levels = F.interpolate(levels, size=size, mode="bilinear", align_corners=False)
+    return levels.round().to(torch.uint8)[:, 0]
 
 
 class ToInner(nn.Module):
@@ -72,9 +80,16 @@ class FromInner(nn.Module):
             labels = F.interpolate(labels, size=self.spec.input_size, mode="nearest")
         return labels[:, 0]
 
+    def confidence(self, log_error: torch.Tensor) -> torch.Tensor:
+        """Logarithm of the expected error `[1, 1, h', w']` to confidence, uint8 `[1, H, W]`."""
+        return confidence_bytes(log_error, self.spec.input_size)
+
 
 class FusedModel(nn.Module):
-    """A whole serial graph as one model file: `rgb` to `depth` and, if it segments, `labels`."""
+    """A whole serial graph as one model file.
+
+    `rgb` to `depth` and, if it segments, `labels`, and with a confidence head `confidence`.
+    """
 
     def __init__(self, graph: SerialGraph) -> None:
         super().__init__()
@@ -88,16 +103,21 @@ class FusedModel(nn.Module):
     def forward(self, rgb: torch.Tensor, *state: torch.Tensor) -> tuple[torch.Tensor, ...]:
         """Tensors in the order of `input_names` to tensors in the order of `output_names`.
 
-        Depth and labels of the image; a recurrent graph also takes and returns its state.
+        Depth, labels and confidence; a recurrent graph also takes and returns its state.
         """
         image = self.to_inner(rgb)
+        log_error = None
         if state:
             outputs, state = self.network.with_state(image, state)
+        elif self.network.confidence is not None:
+            outputs, log_error = self.network.with_confidence(image)
         else:
             outputs = self.network(image)
         results = [self.from_inner.depth(outputs[-1])]
         if self.segments is not None:
             results.append(self.from_inner.labels(outputs[self.segments]))
+        if log_error is not None:
+            results.append(self.from_inner.confidence(log_error))
         return (*results, *state)
 
     @property
@@ -114,6 +134,8 @@ class FusedModel(nn.Module):
     def output_names(self) -> list[str]:
         """Names of the tensors that `forward` gives."""
         results = ["depth"] if self.segments is None else ["depth", "labels"]
+        if self.network.confidence is not None:
+            results.append(CONFIDENCE)
         return [*results, *(STATE_OUTPUTS if self.is_recurrent else ())]
 
     def example(self, rgb: torch.Tensor) -> tuple[torch.Tensor, ...]:
@@ -125,14 +147,15 @@ class StageModel(nn.Module):
     """One component of a serial graph as a model file of its own.
 
     Reads `rgb` if it is connected to the image, and `features` (raw numbers of the previous stage,
-    `[1, C, h, w]`) unless it is the first. The last stage gives `depth`; an inner one gives
-    `logits` and, if it segments, `labels`.
+    `[1, C, h, w]`) unless it is the first. The last stage gives `depth` and, with a confidence
+    head, `confidence`; an inner one gives `logits` and, if it segments, `labels`.
     """
 
     def __init__(self, graph: SerialGraph, index: int) -> None:
         super().__init__()
         self.component = graph.components[index]
         self.joint = graph.joint
+        self.head = graph.confidence if index == len(graph.components) - 1 else None
         self.index = index
         self.spec = graph.spec
         self.to_inner = ToInner(graph.spec)
@@ -157,7 +180,7 @@ class StageModel(nn.Module):
     def output_names(self) -> list[str]:
         """Names of the tensors that `forward` gives."""
         if self.last:
-            return ["depth"]
+            return ["depth"] if self.head is None else ["depth", CONFIDENCE]
         segments = self.spec.components[self.index].task == "segmentation"
         return ["logits", "labels"] if segments else ["logits"]
 
@@ -166,7 +189,11 @@ class StageModel(nn.Module):
         named = dict(zip(self.input_names, inputs, strict=True))
         image = self.to_inner(named["rgb"]) if "rgb" in named else None
         before = [named["features"]] * self.index if "features" in named else []
-        raw = self.component(self.joint(image, before))
+        joined = self.joint(image, before)
+        if self.head is not None:
+            raw, maps = self.component.with_maps(joined)
+            return self.from_inner.depth(raw), self.from_inner.confidence(self.head(maps))
+        raw = self.component(joined)
         if self.last:
             return (self.from_inner.depth(raw),)
         if "labels" in self.output_names:

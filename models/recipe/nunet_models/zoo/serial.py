@@ -4,6 +4,7 @@ import torch
 from torch import nn
 
 from nunet_models.zoo.component import Component, State
+from nunet_models.zoo.confidence import CONFIDENCE, ConfidenceHead
 from nunet_models.zoo.spec import GraphSpec
 
 
@@ -32,9 +33,13 @@ class SerialGraph(nn.Module):
                 )
             )
             before = out_channels
+        last = spec.components[-1]
+        self.confidence = ConfidenceHead(last.decoder_channels) if spec.confidence else None
 
-    def component(self, name: str) -> Component:
-        """The component called `name`."""
+    def component(self, name: str) -> Component | ConfidenceHead:
+        """The component called `name`, or the head called `confidence` if there is one."""
+        if name == CONFIDENCE and self.confidence is not None:
+            return self.confidence
         return self.components[self.spec.components.index(self.spec.component(name))]
 
     def forward(self, image: torch.Tensor) -> list[torch.Tensor]:
@@ -43,6 +48,14 @@ class SerialGraph(nn.Module):
         for component in self.components:
             outputs.append(component(self.joint(image, outputs)))
         return outputs
+
+    def with_confidence(self, image: torch.Tensor) -> tuple[list[torch.Tensor], torch.Tensor]:
+        """As `forward`, and the logarithm of depth's expected relative error (`zoo.confidence`)."""
+        outputs: list[torch.Tensor] = []
+        for component in self.components[:-1]:
+            outputs.append(component(self.joint(image, outputs)))
+        raw, maps = self.components[-1].with_maps(self.joint(image, outputs))
+        return [*outputs, raw], self.confidence(maps)
 
     def with_state(self, image: torch.Tensor, state: State) -> tuple[list[torch.Tensor], State]:
         """As `forward`, for the next image of a stream; the last component carries the state."""

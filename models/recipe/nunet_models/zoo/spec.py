@@ -6,6 +6,7 @@ from typing import Any, Literal, Self
 
 from nunet_models.classes import CLASSES_13
 from nunet_models.errors import ConfigError, OptionError
+from nunet_models.zoo.dense import DENSE
 
 Task = Literal["segmentation", "depth"]
 Encoding = Literal["metric", "minmax"]
@@ -86,7 +87,8 @@ class GraphSpec:
     """A serial graph with its sizes and its depth encoding.
 
     Sizes are (height, width) in pixels. `input_size` is that of the model file's input and outputs;
-    `inner_size`, where the components work, divides it without remainder.
+    `inner_size`, where the components work, divides it without remainder. `confidence` says that
+    the last component has a head that predicts the error of its depth (`zoo.confidence`).
     """
 
     architecture: str
@@ -98,6 +100,7 @@ class GraphSpec:
     max_m: float = 12.0  # a fifth beyond the training sensor's range of 10 m
     classes: tuple[str, ...] = CLASSES_13
     camera: Camera = field(default=NYU_CAMERA)
+    confidence: bool = False
 
     def __post_init__(self) -> None:
         if not self.components:
@@ -108,12 +111,23 @@ class GraphSpec:
             )
         if any(c.memory for c in self.components[:-1]):
             raise ConfigError("only the last component can be recurrent")
+        if self.confidence and not self.may_have_confidence:
+            raise ConfigError(
+                f"`{self.architecture}` cannot have a confidence head: it needs metric depth of a "
+                "U-Net without a state"
+            )
         for outer, inner in zip(self.input_size, self.inner_size, strict=True):
             if outer % inner:
                 raise ConfigError(
                     f"inner size {self.inner_size} does not divide input size {self.input_size}; "
                     "area downsampling inside the graph needs a whole factor"
                 )
+
+    @property
+    def may_have_confidence(self) -> bool:
+        """Whether a confidence head could read the last component's decoder."""
+        last = self.components[-1]
+        return self.encoding == "metric" and not last.memory and last.backbone not in DENSE
 
     @property
     def downsampling(self) -> tuple[int, int]:
