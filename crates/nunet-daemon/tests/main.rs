@@ -17,6 +17,7 @@ mod loss;
 mod obstacles;
 mod processes;
 mod recurrent;
+mod rotate;
 mod scale;
 mod several;
 mod support;

@@ -6,6 +6,7 @@
 
 use std::path::PathBuf;
 
+use nunet_daemon::source::Rotation;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
@@ -53,6 +54,7 @@ arguments! {
     robot_height("robot_height"): meters -> f32;
     max_range("max_range"): meters -> f32;
     sectors("sectors"): whole -> u32;
+    rotation("rotate"): degrees -> Option<Rotation>;
 }
 
 /// Converts an argument.
@@ -119,6 +121,14 @@ fn whole(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<u32> {
 
 fn optional_whole(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<Option<i64>> {
     taken(argument, object, "a whole number", "omit it to use the default")
+}
+
+/// `None` leaves images unchanged.
+fn degrees(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<Option<Rotation>> {
+    let hint = "omit it for images that are upright";
+    let given: Option<i64> = taken(argument, object, "90, 180 or 270", hint)?;
+    let parsed = given.map(|degrees| degrees.to_string().parse::<Rotation>()).transpose();
+    parsed.map_err(|error| hinted::<PyValueError>(format!("`{argument}`: {error}"), hint))
 }
 
 fn text<'a>(argument: &str, object: &'a Bound<'_, PyAny>) -> PyResult<&'a str> {

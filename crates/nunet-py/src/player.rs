@@ -3,12 +3,15 @@
 use std::path::Path;
 
 use nunet_core::camera::{CalibratedScale, Camera};
-use nunet_daemon::source::{Continuity, Fill, Frame, OpenOptions, RecordingSource, Source as _};
+use nunet_daemon::source::{
+    Continuity, Fill, Frame, OpenOptions, RecordingSource, Rotated, Rotation, Source as _,
+};
 use nunet_engine::{Inferred, Model};
 
 /// A recording, read from its beginning.
 pub(crate) struct Player {
-    source: RecordingSource,
+    source: Rotated<RecordingSource>,
+    is_rotated: bool,
     camera: Option<Camera>,
     scale: Option<CalibratedScale>,
     continuity: Continuity,
@@ -28,8 +31,8 @@ pub(crate) struct Played {
     pub(crate) sequence: u64,
     /// The image's time stamp, nanoseconds since 1970.
     pub(crate) capture_unix_nanos: i64,
-    /// The image's coordinate frame.
-    pub(crate) frame_id: String,
+    /// The image's coordinate frame; `None` if the image was rotated.
+    pub(crate) frame_id: Option<String>,
 }
 
 /// The outcome of [`Player::step`].
@@ -51,28 +54,34 @@ pub(crate) enum PlayerStep {
 }
 
 impl Player {
-    /// Opens a recording. `topic` selects one of several image topics, and `camera` overrides the recording's own.
+    /// Opens a recording. `topic` selects one of several image topics, and `camera` overrides the recording's own; it
+    /// describes the images before they are rotated.
     ///
     /// # Errors
     /// The file does not exist or is not MCAP, or has no or several image topics.
     pub(crate) fn open(
         path: &Path,
         topic: Option<&str>,
+        rotation: Option<Rotation>,
         (camera, scale): (Option<Camera>, Option<CalibratedScale>),
     ) -> anyhow::Result<Self> {
         let source = RecordingSource::open(path, OpenOptions { topic, ..OpenOptions::default() })?;
+        let source = Rotated::new(source, rotation);
+        let rotated = |camera: Camera| rotation.map_or(Ok(camera), |rotation| rotation.camera(&camera));
+        let camera = camera.map(rotated).transpose()?;
+        let is_rotated = rotation.is_some();
         let (continuity, frame) = (Continuity::default(), Frame::default());
-        Ok(Self { source, camera, scale, continuity, frame, left_at: None })
+        Ok(Self { source, is_rotated, camera, scale, continuity, frame, left_at: None })
     }
 
     /// The image topic.
     pub(crate) fn topic(&self) -> &str {
-        self.source.topic()
+        self.source.source().topic()
     }
 
     /// The number of images; `None` if the recording has no index.
     pub(crate) fn image_count(&self) -> Option<u64> {
-        self.source.image_count()
+        self.source.source().image_count()
     }
 
     /// Reads the next image and runs it through `model`.
@@ -118,7 +127,8 @@ impl Player {
             uses_factor,
             sequence: frame.sequence,
             capture_unix_nanos: frame.capture.unix_nanos,
-            frame_id: self.source.frame_id().to_owned(),
+            // The coordinate frame of the images is not that of the rotated ones.
+            frame_id: (!self.is_rotated).then(|| self.source.source().frame_id().to_owned()),
         })
     }
 }

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
+use nunet_daemon::source::Rotation;
 use pyo3::prelude::*;
 
 use crate::argument;
@@ -94,7 +95,10 @@ impl PyReplay {
 /// topic : str, optional
 ///     The image topic, required if the recording has several.
 /// camera : Camera, optional
-///     The camera, used instead of the recording's own.
+///     The camera, used instead of the recording's own. It describes the images before they are rotated.
+/// rotate : int, optional
+///     Rotate the images clockwise before everything else, by 90, 180 or 270 degrees, because the camera was mounted
+///     turned. Results have no `frame_id` then.
 ///
 /// Returns
 /// -------
@@ -107,7 +111,8 @@ impl PyReplay {
 /// FileNotFoundError
 ///     The file does not exist.
 /// ValueError
-///     The recording has several image topics and none was named, or does not have the named one.
+///     The recording has several image topics and none was named, or does not have the named one. `rotate` is another
+///     number.
 /// NunetError
 ///     The file is not MCAP or has no images. While iterating: the file is damaged or cut off at this point, after every
 ///     complete image was yielded.
@@ -117,18 +122,20 @@ impl PyReplay {
 /// UserWarning
 ///     An image cannot be read and is skipped. Once for a model: see `Model.infer`.
 #[pyfunction]
-#[pyo3(signature = (path, model, *, topic = None, camera = None))]
+#[pyo3(signature = (path, model, *, topic = None, camera = None, rotate = None))]
 fn replay(
     py: Python<'_>,
     #[pyo3(from_py_with = argument::path)] path: PathBuf,
     #[pyo3(from_py_with = model_argument)] model: Py<PyModel>,
     #[pyo3(from_py_with = argument::topic)] topic: Option<&str>,
     #[pyo3(from_py_with = camera_argument)] camera: Option<PyCamera>,
+    #[pyo3(from_py_with = argument::rotation)] rotate: Option<Rotation>,
 ) -> PyResult<PyReplay> {
     let factor = model.get().factor_of(camera)?;
     let camera = camera.map(|camera| camera.0);
-    let player =
-        py.detach(|| Player::open(&path, topic, (camera, factor))).map_err(|error| failure(&error))?;
+    let player = py
+        .detach(|| Player::open(&path, topic, rotate, (camera, factor)))
+        .map_err(|error| failure(&error))?;
     let (topic, images) = (player.topic().to_owned(), player.image_count());
     let path = path.display().to_string();
     Ok(PyReplay { model, player: Mutex::new(Some(player)), topic, images, path })

@@ -13,6 +13,7 @@ use tracing::warn;
 
 use crate::error::SourceError;
 use crate::frame::Frame;
+use crate::rotation::Rotation;
 
 /// The camera that the user gave: intrinsics or a calibration.
 #[derive(Debug, Clone, Default)]
@@ -21,6 +22,8 @@ pub struct CameraGeometry {
     pub intrinsics: Option<IntrinsicsSpec>,
     /// A calibration file.
     pub calibration: Option<PathBuf>,
+    /// How images are rotated. Intrinsics and calibration describe the images before.
+    pub rotation: Option<Rotation>,
     /// The factor of depth. The pipeline has it too; a calibration file must not give another one.
     pub factor: Option<f32>,
 }
@@ -29,6 +32,8 @@ pub struct CameraGeometry {
 #[derive(Debug, Default)]
 pub struct CameraResolver {
     named: Option<Named>,
+    /// From the images that the named camera describes to those of the frames.
+    rotation: Option<Rotation>,
     /// The inputs of the pipeline's current camera.
     current: Option<Key>,
     has_reported: bool,
@@ -79,7 +84,8 @@ impl CameraResolver {
             (Some(path), _) => Some(Named::Calibration(read_calibration(path)?)),
             (None, intrinsics) => intrinsics.map(Named::Intrinsics),
         };
-        let resolver = Self { named, ..Self::default() };
+        let resolver = Self { named, rotation: geometry.rotation, ..Self::default() };
+        resolver.check_rotation(geometry.calibration.as_deref())?;
         match (resolver.calibrated_scale(), geometry.factor, &geometry.calibration) {
             (Some(scale), Some(given), Some(path)) => Err(SourceError::bad_arguments(format!(
                 "the scale factor {given} conflicts with the factor {} in the calibration `{}`",
@@ -89,6 +95,25 @@ impl CameraResolver {
             .with_hint("give one of them: remove `nunet_scale` from the file, or omit the number")),
             _ => Ok(resolver),
         }
+    }
+
+    /// Refuses a calibration whose camera cannot be rotated, before any frame.
+    fn check_rotation(&self, path: Option<&Path>) -> Result<(), SourceError> {
+        let (Some(rotation), Some(Named::Calibration(calibration))) = (self.rotation, &self.named) else {
+            return Ok(());
+        };
+        let rotated = rotation.camera(&calibration.camera());
+        rotated.map(drop).map_err(|error| {
+            let shown = path.unwrap_or(Path::new("")).display();
+            SourceError::bad_arguments(format!("cannot rotate the camera of the calibration `{shown}`"))
+                .with_cause(error)
+        })
+    }
+
+    /// How the images of the frames were rotated.
+    #[must_use]
+    pub fn rotation(&self) -> Option<Rotation> {
+        self.rotation
     }
 
     /// The factor of depth in the calibration that the user named.
@@ -104,8 +129,12 @@ impl CameraResolver {
     /// # Errors
     /// The named camera does not fit the frame's size.
     pub fn camera_of(&self, frame: &Frame) -> Result<Option<Camera>, CameraError> {
-        let named = self.named.as_ref().map(|named| named.at_size(frame.size)).transpose()?;
-        Ok(named.or(frame.camera))
+        let Some(named) = &self.named else { return Ok(frame.camera) };
+        match self.rotation {
+            None => named.at_size(frame.size),
+            Some(rotation) => rotation.camera(&named.at_size(rotation.size(frame.size))?),
+        }
+        .map(Some)
     }
 
     /// As [`CameraResolver::camera_of`], for a stream of frames.
@@ -225,6 +254,33 @@ mod tests {
         assert!(kind((128, 72).into()).unwrap().is_some());
         assert_eq!(kind((64, 64).into()), Err(SourceErrorKind::BadFrame));
         assert_eq!(CameraResolver::default().resolve(&frame((64, 64).into())).unwrap(), None);
+    }
+
+    #[test]
+    fn the_named_camera_describes_the_image_before_the_rotation() {
+        let intrinsics = Some("50,60,20,15@64x36".parse().unwrap());
+        let geometry =
+            CameraGeometry { intrinsics, rotation: Some(Rotation::Quarter), ..CameraGeometry::default() };
+        let resolver = CameraResolver::new(&geometry).unwrap();
+        let frame = Frame { size: (72, 128).into(), ..Frame::default() };
+        let camera = resolver.camera_of(&frame).unwrap().unwrap().intrinsics;
+        assert_eq!((camera.width, camera.height), (72, 128));
+        assert_eq!((camera.fx_px, camera.fy_px), (120.0, 100.0));
+        let upright = Frame { size: (128, 72).into(), ..Frame::default() };
+        assert!(resolver.camera_of(&upright).is_err(), "the stored image would be 72x128");
+    }
+
+    #[test]
+    fn a_calibration_that_cannot_be_rotated_is_a_bad_argument() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let text = "image_width: 64\nimage_height: 36\ndistortion_model: rational_polynomial\n\
+                    camera_matrix: {rows: 3, cols: 3, data: [50, 0, 32, 0, 50, 18, 0, 0, 1]}\n\
+                    distortion_coefficients: {rows: 1, cols: 14, data: [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.01, 0]}\n";
+        std::fs::write(file.path(), text).unwrap();
+        let upright = CameraGeometry { calibration: Some(file.path().into()), ..CameraGeometry::default() };
+        assert!(CameraResolver::new(&upright).is_ok());
+        let turned = CameraGeometry { rotation: Some(Rotation::Half), ..upright };
+        assert_eq!(CameraResolver::new(&turned).unwrap_err().kind(), SourceErrorKind::BadArguments);
     }
 
     #[test]

@@ -45,8 +45,10 @@ pub struct Frame {
     pub pixels: Pixels,
     /// The JPEG or PNG file that the image came in, for recordings; empty if it came raw.
     pub file: Vec<u8>,
-    /// Whether the image came as a file that is not in `file`, because the image was rotated by EXIF.
+    /// Whether the image came as a file that is not in `file`, because the image was rotated.
     pub is_turned: bool,
+    /// Bytes that were copied to rotate the image; 0 if it was not rotated on request.
+    pub bytes_copied: u64,
     /// Width and height, pixels.
     pub size: ImageSize,
     /// Bytes from row to row.

@@ -2,7 +2,7 @@
 //!
 //! Images of all sources are rotated upright by their EXIF orientation. The camera that a source states
 //! describes the stored image and is rotated with it (`orientation.rs`). The camera that the user states
-//! describes the upright image.
+//! describes the upright image, before the rotation that the user asks for (`rotation.rs`).
 
 use std::borrow::Cow;
 use std::io::{Cursor, Read as _};
@@ -16,7 +16,7 @@ use nunet_core::plain_file;
 use nunet_types::ImageSize;
 
 use crate::error::{SourceError, SourceErrorKind};
-use crate::{Frame, jpeg};
+use crate::{Frame, Rotation, jpeg};
 
 /// Extensions of image files; cameras write them in capitals too.
 pub const IMAGE_EXTENSIONS: [&str; 3] = ["jpg", "jpeg", "png"];
@@ -103,6 +103,15 @@ pub struct SingleChannelImage {
     pub values: Vec<u16>,
     /// 8 or 16 bits a number in the file.
     pub bits: u8,
+}
+
+impl SingleChannelImage {
+    /// The same image, rotated.
+    #[must_use]
+    pub fn rotated(self, rotation: Rotation) -> Self {
+        let values = rotation.values(self.size, &self.values);
+        Self { size: rotation.size(self.size), values, bits: self.bits }
+    }
 }
 
 /// Decodes a PNG of one channel.

@@ -36,7 +36,6 @@ mod jpeg;
 mod listing;
 mod mailbox;
 mod notify;
-#[cfg(feature = "mcap")]
 mod orientation;
 mod pipe;
 mod rate;
@@ -47,6 +46,8 @@ mod recording;
 mod registry;
 #[cfg(feature = "ros2-dds")]
 mod ros2;
+mod rotated;
+mod rotation;
 mod shm;
 mod silence;
 mod source;
@@ -70,6 +71,8 @@ pub use recording::{RecordingSource, from_recording_error};
 pub use registry::SourceName;
 #[cfg(feature = "ros2-dds")]
 pub use ros2::Ros2Source;
+pub use rotated::Rotated;
+pub use rotation::{Rotation, Rotator};
 pub use shm::camera_in;
 pub use source::{Fill, OpenOptions, Source, first_frame};
 pub use source_type::{Exclusive, Properties, SizeUse, SourceType};

@@ -1,6 +1,6 @@
-//! Rotates a camera together with its image. EXIF states how the camera was held. The image is rotated
-//! upright, so the camera that the source states is rotated the same way: its sides and focal lengths may
-//! swap, the principal point moves, and the lens is mirrored.
+//! Rotates a camera together with its image. EXIF, or the user, states how the camera was held. The image is
+//! rotated upright, so the camera that the source states is rotated the same way: its sides and focal lengths
+//! may swap, the principal point moves, and the lens is mirrored.
 
 use image::metadata::Orientation;
 use nunet_core::camera::{BrownConrady, Camera, CameraError, Distortion, Intrinsics};
@@ -38,8 +38,8 @@ impl ImageTransform {
 /// The camera of an image that was rotated by `orientation`; `camera` describes the stored image.
 ///
 /// # Errors
-/// A lens with a tilted sensor: its coefficients cannot be rotated.
-pub(crate) fn oriented_camera(camera: &Camera, orientation: Orientation) -> Result<Camera, String> {
+/// [`CameraError::TiltedSensor`].
+pub(crate) fn oriented_camera(camera: &Camera, orientation: Orientation) -> Result<Camera, CameraError> {
     if orientation == Orientation::NoTransforms {
         return Ok(*camera);
     }
@@ -53,26 +53,23 @@ pub(crate) fn oriented_camera(camera: &Camera, orientation: Orientation) -> Resu
         if backwards { f64::from(side) - 1.0 - center } else { center }
     };
     let (cx, cy) = (mirrored(transform.backwards_x, cx, width), mirrored(transform.backwards_y, cy, height));
-    let intrinsics = Intrinsics::new(fx, fy, cx, cy, width, height).map_err(|error| error.to_string())?;
+    let intrinsics = Intrinsics::new(fx, fy, cx, cy, width, height)?;
     Ok(Camera { intrinsics, distortion: oriented_lens(&camera.distortion, &transform)? })
 }
 
 /// Radial coefficients do not change. Tangential coefficients (`p2 p1`) and those of the thin prism (`s1 s3`,
 /// `s2 s4`) are vectors of the image plane.
-fn oriented_lens(lens: &Distortion, transform: &ImageTransform) -> Result<Distortion, String> {
+fn oriented_lens(lens: &Distortion, transform: &ImageTransform) -> Result<Distortion, CameraError> {
     let Distortion::BrownConrady(lens) = lens else { return Ok(*lens) };
     let [k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tilt_x, tilt_y] = *lens.coefficients();
     if (tilt_x, tilt_y) != (0.0, 0.0) {
-        return Err(
-            "its image is rotated by EXIF, and a lens with a tilted sensor cannot be rotated".to_owned()
-        );
+        return Err(CameraError::TiltedSensor);
     }
     let [p2, p1] = transform.vector([p2, p1]);
     let [s1, s3] = transform.vector([s1, s3]);
     let [s2, s4] = transform.vector([s2, s4]);
     let turned = [k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, 0.0, 0.0];
-    let turned = BrownConrady::new(&turned).map_err(|error: CameraError| error.to_string())?;
-    Ok(Distortion::BrownConrady(turned))
+    BrownConrady::new(&turned).map(Distortion::BrownConrady)
 }
 
 #[cfg(test)]
@@ -144,7 +141,7 @@ mod tests {
         let distortion = Distortion::BrownConrady(BrownConrady::new(&coefficients).unwrap());
         let camera =
             Camera { intrinsics: Intrinsics::new(50.0, 50.0, 20.0, 15.0, 64, 48).unwrap(), distortion };
-        assert!(oriented_camera(&camera, Orientation::Rotate90).unwrap_err().contains("tilted"));
+        assert_eq!(oriented_camera(&camera, Orientation::Rotate90), Err(CameraError::TiltedSensor));
         assert_eq!(oriented_camera(&camera, Orientation::NoTransforms), Ok(camera), "an upright image");
     }
 }

@@ -149,7 +149,7 @@ fn camera(
     if let Some(model) = calibration.assumed_model() {
         warn!("the camera names no distortion model: its {} coefficients are read as `{model}`", d.len());
     }
-    let camera = oriented_camera(&calibration.camera(), orientation)?;
+    let camera = oriented_camera(&calibration.camera(), orientation).map_err(|error| error.to_string())?;
     camera.fitted_to(size.width, size.height).map_err(|error| error.to_string())
 }
 

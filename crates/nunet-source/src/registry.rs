@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::SourceError;
 use crate::source_type::{Exclusive, Properties, SizeUse, SourceType};
-use crate::{Fill, Frame, OpenOptions, Source};
+use crate::{Fill, Frame, OpenOptions, Rotated, Rotation, Source};
 
 /// Every kind of source, in the order in which names are compared. Image files accept every remaining name.
 const REGISTRY: &[&dyn SourceType] = &[
@@ -31,6 +31,10 @@ impl Source for NoFrames {
     fn fill(&mut self, _frame: &mut Frame) -> Fill {
         Fill::End
     }
+}
+
+fn rotated(source: Box<dyn Source>, rotation: Option<Rotation>) -> Box<dyn Source> {
+    if rotation.is_some() { Box::new(Rotated::new(source, rotation)) } else { source }
 }
 
 /// A source by its name.
@@ -137,7 +141,7 @@ impl SourceName {
     /// another kind of source.
     pub fn open(&self, options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError> {
         self.check(&options)?;
-        self.kind.open(&self.name, options)
+        Ok(rotated(self.kind.open(&self.name, options)?, options.rotation))
     }
 
     /// Checks the source without reading from it: a camera may be in use, data read from a pipe is lost, and a
@@ -159,7 +163,7 @@ impl SourceName {
     /// The placeholder for this source if it cannot be opened, but others can.
     #[must_use]
     pub fn stand_in(&self, options: OpenOptions<'_>, error: SourceError) -> Box<dyn Source> {
-        self.kind.stand_in(&self.name, options, error)
+        rotated(self.kind.stand_in(&self.name, options, error), options.rotation)
     }
 }
 

@@ -58,7 +58,9 @@ impl SourceType for Ros2Topic {
     fn open(&self, name: &str, options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError> {
         let (topic, environment) = parse(name)?;
         let source = Ros2Source::open(&topic, &environment)?;
-        Ok(Box::new(Fused::new(Ros2Source { states_frame_id: !options.has_frame_id, ..source })))
+        // The coordinate frame of the message is not that of the rotated image.
+        let states_frame_id = !options.has_frame_id && options.rotation.is_none();
+        Ok(Box::new(Fused::new(Ros2Source { states_frame_id, ..source })))
     }
 }
 

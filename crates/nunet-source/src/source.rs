@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use nunet_types::{ImageSize, PixelFormat};
 
-use crate::{Frame, Rate, SourceError};
+use crate::{Frame, Rate, Rotation, SourceError};
 
 /// What happened when a source was asked for a frame.
 #[derive(Debug)]
@@ -55,6 +55,20 @@ pub trait Source: Send {
     }
 }
 
+impl<S: Source + ?Sized> Source for Box<S> {
+    fn fill(&mut self, frame: &mut Frame) -> Fill {
+        (**self).fill(frame)
+    }
+
+    fn is_live(&self) -> bool {
+        (**self).is_live()
+    }
+
+    fn is_waiting(&self) -> bool {
+        (**self).is_waiting()
+    }
+}
+
 /// The first readable frame; `None` if there is none within 100 calls.
 ///
 /// # Errors
@@ -86,6 +100,8 @@ pub struct OpenOptions<'a> {
     pub format: Option<PixelFormat>,
     /// The requested rate of a camera; the caller keeps the rate of other sources.
     pub rate: Option<Rate>,
+    /// How images are rotated before anything else.
+    pub rotation: Option<Rotation>,
     /// Whether the caller chose a coordinate frame: that of the source is not stated then.
     pub has_frame_id: bool,
     /// Set when the caller no longer wants the source: opening may take a long time.

@@ -11,7 +11,9 @@ use std::time::{Duration, Instant};
 use image::{ImageFormat, Rgb, RgbImage};
 use nunet_ipc::{CameraName, Encoding, Limits, Publisher, Topic, TopicPlan, monotonic_nanos};
 use nunet_mcap::{DepthRecord, EncodedImage, FrameRecord, RecordingWriter, ScaleRecord, WriterOptions};
-use nunet_source::{Fill, Frame, OpenOptions, Source, SourceErrorKind, SourceName, open_pipe};
+use nunet_source::{
+    Fill, Frame, OpenOptions, Rotated, Rotation, Source, SourceErrorKind, SourceName, open_pipe,
+};
 use nunet_types::{ImageSize, PixelFormat};
 #[cfg(feature = "ros2-dds")]
 use {
@@ -151,8 +153,8 @@ fn publisher(camera: &CameraName) -> Publisher {
 }
 
 /// The three frames in shared memory. The second is a depth map, which is no image.
-fn shared_memory() -> (Box<dyn Source>, Offer) {
-    let camera = camera("conformance");
+fn shared_memory(name: &str) -> (Box<dyn Source>, Offer) {
+    let camera = camera(name);
     let publisher = publisher(&camera);
     let mut source = open(&format!("shm:{camera}"));
     // It connects: a publisher sends to the readers that it knows.
@@ -219,6 +221,11 @@ fn a_live_message_keeps_its_stamp_and_its_coordinate_frame() {
     assert!(source.is_live() && !source.is_waiting());
 }
 
+/// Any source can be rotated.
+fn rotated(source: Box<dyn Source>) -> Box<dyn Source> {
+    Box::new(Rotated::new(source, Some(Rotation::Quarter)))
+}
+
 /// Every source that has an end.
 fn all(folder: &Path) -> Vec<Subject> {
     let within = |name: &str| {
@@ -232,6 +239,7 @@ fn all(folder: &Path) -> Vec<Subject> {
     };
     vec![
         subject("images", folder_of_images(&within("images")), true, true),
+        subject("rotated images", rotated(folder_of_images(&within("rotated"))), true, true),
         subject("recording", recording(&within("recording")), true, true),
         subject("split recording", split_recording(&within("split")), true, true),
         subject("raw pipe", raw_pipe(), false, false),
@@ -242,7 +250,8 @@ fn all(folder: &Path) -> Vec<Subject> {
 
 /// Every source that goes on: the demo repeats itself, shared memory and ROS 2 wait, and a command is started again.
 fn endless(folder: &Path) -> Vec<Subject> {
-    let (source, offer) = shared_memory();
+    let (source, offer) = shared_memory("conformance");
+    let (turned, offer_turned) = shared_memory("conformance_rotated");
     let subject = |name, source, offer, varies| Subject {
         name,
         source,
@@ -253,6 +262,7 @@ fn endless(folder: &Path) -> Vec<Subject> {
     let mut all = vec![
         subject("demo", demo(folder), Box::new(|_| {}), true),
         subject("shared memory", source, offer, true),
+        subject("rotated shared memory", rotated(turned), offer_turned, true),
         subject("command", command(), Box::new(|_| {}), false),
     ];
     #[cfg(feature = "ros2-dds")]

@@ -146,3 +146,22 @@ except KeyboardInterrupt:
     command = [sys.executable, "-W", "ignore", "-c", code, str(bag), str(TINY)]
     done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stdout) == (0, "interrupted\n"), done.stderr
+
+
+@pytest.mark.parametrize("degrees", [90, 180, 270])
+def test_a_rotated_recording_gives_what_nunetd_replay_gives(nunetd, tmp_path, degrees):
+    bag, file = make_bag(tmp_path / "bag", "png"), TINY
+    command = [nunetd, "-q", "replay", str(bag), str(tmp_path / "out.mcap"), "--json", "--model", str(file)]
+    command += [*ON_THE_COMMAND_LINE, "--rotate", str(degrees)]
+    done = subprocess.run(command, check=True, capture_output=True, timeout=120)
+    results = list(nunet.replay(bag, model(file), rotate=degrees))
+    assert hash_of(results) == json.loads(done.stdout)["depth_and_labels_sha256"]
+    assert hash_of(results) != hash_of(nunet.replay(bag, model(file)))
+    assert all(result.frame_id is None for result in results)
+
+
+@pytest.mark.parametrize("rotate", [0, 45, -90])
+def test_another_angle_is_refused(tmp_path, rotate):
+    bag = make_bag(tmp_path / "bag", "png")
+    with pytest.raises(ValueError, match="expected 90, 180 or 270"):
+        nunet.replay(bag, model(TINY), rotate=rotate)

@@ -73,6 +73,9 @@ pub enum CameraError {
         /// The image side along it, pixels.
         side: u32,
     },
+    /// Coefficients of a tilted sensor in a camera that is to be rotated.
+    #[error("its image is rotated, and a lens with a tilted sensor cannot be rotated")]
+    TiltedSensor,
     /// Focal lengths that differ too much.
     #[error("focal lengths `fx` = {fx_px} and `fy` = {fy_px} px differ by more than a factor of {max}")]
     FocalRatio {
@@ -174,6 +177,7 @@ impl Hint for CameraError {
                 format!("calibrate at {width}x{height}; images may be resized, but not cropped or stretched")
                     .into()
             }
+            Self::TiltedSensor => "calibrate with the images as they are after the rotation".into(),
             Self::NotFinite { .. } | Self::NotPositive { .. } | Self::Size { .. } => return None,
         })
     }

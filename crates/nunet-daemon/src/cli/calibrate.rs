@@ -137,6 +137,7 @@ impl CalibrateArgs {
             ids: self.ids.clone(),
             units: DepthUnits { scale: self.units.depth_scale, offset: self.units.depth_offset },
             window: self.window,
+            camera: self.geometry.options(),
             ..EvalOptions::new(dataset)
         }
     }

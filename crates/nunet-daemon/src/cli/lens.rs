@@ -16,7 +16,7 @@ use super::FilterArgs;
 use super::text::{Distance, FromText, Text, value};
 use crate::config::{MountOption, ProcessingConfig};
 use crate::exit::BadArguments;
-use crate::source::CameraGeometry;
+use crate::source::{CameraGeometry, Rotation};
 
 /// The intrinsics or calibration, if known.
 #[derive(Debug, Args, Clone, Deserialize)]
@@ -27,6 +27,10 @@ pub struct GeometryArgs {
     /// A calibration with distortion: a ROS `camera_info` file (`plumb_bob`, `rational_polynomial`, `equidistant`)
     #[arg(long, value_name = "FILE.yaml", conflicts_with = "intrinsics")]
     pub calibration: Option<PathBuf>,
+    /// Rotate the images clockwise before everything else, because the camera is mounted turned. Intrinsics and
+    /// calibration describe the images before the rotation; all results and --mount are those of the rotated images
+    #[arg(long, value_name = "90|180|270")]
+    pub rotate: Option<Text<Rotation>>,
 }
 
 impl GeometryArgs {
@@ -36,6 +40,7 @@ impl GeometryArgs {
         CameraGeometry {
             intrinsics: value(&self.intrinsics),
             calibration: self.calibration.clone(),
+            rotation: value(&self.rotate),
             factor: None,
         }
     }

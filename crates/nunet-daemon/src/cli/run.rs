@@ -242,7 +242,8 @@ impl StreamArgs {
         let readers = value(&self.readers).map(|Readers(readers)| readers.get() as usize);
         Ok(CameraConfig {
             frame_id: frame_id(&name, value(&self.frame_id).map(|FrameId(name)| name))?,
-            is_frame_id_chosen: self.frame_id.is_some(),
+            // The coordinate frame that a source states is not that of the rotated images.
+            is_frame_id_chosen: self.frame_id.is_some() || processing.geometry.rotation.is_some(),
             name,
             source,
             obstacles: self.obstacles.config(mount, processing.pipeline.max_range_m, is_required)?,

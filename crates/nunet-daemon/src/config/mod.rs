@@ -59,7 +59,7 @@ pub struct CameraConfig {
     /// The coordinate frame of depth and cloud, unless the source states another; at most [`MAX_FRAME_ID`]
     /// bytes.
     pub frame_id: String,
-    /// Whether the user chose it: then that of the source does not count.
+    /// Whether it replaces that of the source: the user chose it, or the images are rotated.
     pub is_frame_id_chosen: bool,
     /// Its pose on the robot.
     pub mount: Option<MountOption>,
@@ -80,6 +80,16 @@ pub struct CameraConfig {
 }
 
 impl CameraConfig {
+    /// How its source is opened.
+    #[must_use]
+    pub fn open_options(&self) -> OpenOptions<'_> {
+        OpenOptions {
+            rotation: self.processing.geometry.rotation,
+            has_frame_id: self.is_frame_id_chosen,
+            ..self.source.open_options()
+        }
+    }
+
     /// The limits of its shared memory. Clouds are by far the largest messages: half as many processes can read them.
     #[must_use]
     pub fn limits(&self) -> Limits {

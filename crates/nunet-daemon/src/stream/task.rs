@@ -313,11 +313,11 @@ impl StreamTask {
         loans: &mut Loans,
         with_obstacles: bool,
     ) -> anyhow::Result<FrameReport> {
-        let Some(stage) = &mut self.obstacles else {
-            return Ok(self.pipeline.process(&frame.view()?, loans.outputs(None)?, &MonotonicClock)?);
-        };
-        let spare = if with_obstacles { stage.spare_labels() } else { None };
+        let stage = self.obstacles.as_mut().filter(|_| with_obstacles);
+        let spare = stage.and_then(ObstacleStage::spare_labels);
         let mut report = self.pipeline.process(&frame.view()?, loans.outputs(spare)?, &MonotonicClock)?;
+        report.bytes_copied += frame.bytes_copied;
+        let Some(stage) = &mut self.obstacles else { return Ok(report) };
         let start_nanos = MonotonicClock.nanos();
         if with_obstacles {
             let options = stage.config().options;

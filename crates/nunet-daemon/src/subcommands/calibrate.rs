@@ -17,7 +17,7 @@ use crate::Outcome;
 use crate::config::SourceConfig;
 use crate::exit::{BadArguments, warn_of_camera};
 use crate::sink::recording::refuse_output;
-use crate::source::{CameraGeometry, CameraResolver, Frame, OpenOptions};
+use crate::source::{CameraGeometry, CameraResolver, Frame, OpenOptions, Rotation};
 use crate::stream::{FrameHandler, Pace, Stop, drive};
 use nunet_sink::stdout::print;
 
@@ -60,7 +60,10 @@ pub(crate) fn calibrate(options: &CalibrateOptions) -> anyhow::Result<Outcome> {
     let mut printer = Printer::default();
     let mut print = |event: Event<'_>| printer.print(event);
     let collected = match &options.evidence {
-        Evidence::Frames(source, reference) => take_frames(&mut calibrator, source, *reference, &stop),
+        Evidence::Frames(source, reference) => {
+            let rotation = options.geometry.rotation;
+            take_frames(&mut calibrator, (source, rotation), *reference, &stop)
+        }
         Evidence::Readings(path) => calibrator.add_readings(path, &mut print).map_err(explained),
         Evidence::Truth(truth) => calibrator.add_truth(truth, &mut print).map_err(explained),
     };
@@ -119,12 +122,17 @@ impl FrameHandler for Taker<'_> {
 
 fn take_frames(
     calibrator: &mut Calibrator,
-    source: &SourceConfig,
+    (source, rotation): (&SourceConfig, Option<Rotation>),
     reference: Reference,
     stop: &Stop,
 ) -> anyhow::Result<()> {
     let folders = model_folders();
-    let how = OpenOptions { stopped: Some(stop.flag()), model_folders: &folders, ..source.open_options() };
+    let how = OpenOptions {
+        rotation,
+        stopped: Some(stop.flag()),
+        model_folders: &folders,
+        ..source.open_options()
+    };
     let mut opened = source.name.open(how)?;
     let limit = source.frames.or(NonZeroU64::new(FRAMES));
     let pace = Pace { limit, ..Pace::of(source) };

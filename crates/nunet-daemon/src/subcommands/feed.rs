@@ -39,8 +39,12 @@ pub(crate) fn feed(options: &FeedOptions) -> anyhow::Result<Outcome> {
     }
     let resolver = CameraResolver::new(&options.geometry)?;
     let folders = nunet_engine::model_folders();
-    let open_options =
-        OpenOptions { stopped: Some(stop.flag()), model_folders: &folders, ..options.source.open_options() };
+    let open_options = OpenOptions {
+        rotation: options.geometry.rotation,
+        stopped: Some(stop.flag()),
+        model_folders: &folders,
+        ..options.source.open_options()
+    };
     let source = options.source.name.open(open_options);
     if stop.requested() {
         return Ok(Outcome::Done);

@@ -21,7 +21,7 @@ use crate::Outcome;
 use crate::config::{ModelConfig, ObstacleConfig, ProcessingConfig};
 use crate::exit::{BadArguments, warn_of_camera};
 use crate::sink::stats::{Common, ModelName, Stats};
-use crate::source::{CameraResolver, Frame, SourceName, decode, glance, list, listed_files};
+use crate::source::{CameraResolver, Frame, Rotator, SourceName, decode, glance, list, listed_files};
 use crate::stream::{Stop, Stopped};
 use nunet_engine::Buffers;
 
@@ -175,6 +175,7 @@ fn file_plan(options: &InferOptions, images: &[PathBuf], folders: &[PathBuf]) ->
 /// The pipeline and its buffers, reused for each image.
 struct Work {
     pipeline: Pipeline,
+    rotator: Option<Rotator>,
     camera: CameraResolver,
     model: ModelName,
     frame: Frame,
@@ -184,13 +185,17 @@ struct Work {
 
 impl Work {
     fn new(pipeline: Pipeline, camera: CameraResolver, model: ModelName) -> Self {
-        let buffers = Buffers::new(&pipeline);
-        Self { buffers, pipeline, camera, model, frame: Frame::default(), obstacles: None }
+        let (buffers, frame) = (Buffers::new(&pipeline), Frame::default());
+        let rotator = camera.rotation().map(Rotator::new);
+        Self { buffers, pipeline, rotator, camera, model, frame, obstacles: None }
     }
 
     fn infer(&mut self, image: &Path, folder: &Path) -> anyhow::Result<()> {
         let start_nanos = MonotonicClock.nanos();
-        decode(image, &mut self.frame).map_err(|error| unreadable(error.into(), image))?;
+        let read = decode(image, &mut self.frame);
+        let rotator = self.rotator.as_mut();
+        read.and_then(|()| rotator.map_or(Ok(()), |rotator| rotator.rotate(&mut self.frame)))
+            .map_err(|error| unreadable(error.into(), image))?;
         let ready_nanos = MonotonicClock.nanos();
         warn_of_camera(&self.camera.update(&self.frame, &mut self.pipeline)?);
         // The images are independent.
@@ -233,7 +238,7 @@ impl Work {
         latencies.record(micros(start, done), std::iter::once(micros(start, ready)).chain(inner));
         let mut totals = Totals::default();
         totals.start(start);
-        totals.add_published(done, report.bytes_copied);
+        totals.add_published(done, self.frame.bytes_copied + report.bytes_copied);
         let counts = Counts { captured: 1, published: 1, ..Counts::default() };
         let camera = image.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         let graph = self.pipeline.graph();

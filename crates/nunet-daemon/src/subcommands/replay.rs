@@ -27,7 +27,7 @@ use crate::exit::{BadArguments, is_usage, warn_of_camera};
 use crate::sink::Results;
 use crate::sink::recording::{mount, refuse_output};
 use crate::sink::stats::ModelName;
-use crate::source::{CameraResolver, Continuity, Fill, Frame, OpenOptions, RecordingSource, Source};
+use crate::source::{CameraResolver, Continuity, Fill, Frame, OpenOptions, RecordingSource, Rotated, Source};
 use crate::stream::{FrameHandler, Pace, SourceEnd, Stop, Stopped, drive};
 use nunet_engine::Buffers;
 use nunet_sink::stdout::print;
@@ -75,7 +75,8 @@ fn replay_unless(options: &ReplayOptions, stop: &Stop) -> anyhow::Result<Outcome
         OpenOptions { topic: options.topic.as_deref(), stopped: Some(stop.flag()), ..OpenOptions::default() };
     let source = RecordingSource::open(&options.input, how);
     stop.check()?;
-    let mut source = source?;
+    let rotation = options.processing.geometry.rotation;
+    let mut source = Rotated::new(source?, rotation);
     let engine = Engine::start(options.engine.clone())?;
     let loaded = load_unless(&engine, &ModelConfig { path: options.model.clone(), every: Vec::new() }, stop)?;
     stop.check()?;
@@ -85,7 +86,9 @@ fn replay_unless(options: &ReplayOptions, stop: &Stop) -> anyhow::Result<Outcome
     stop.check()?;
     let mut frame = Frame::default();
     let first = first_fill(&mut source, &mut frame, stop);
-    let frame_id = options.frame_id.as_deref().unwrap_or(source.frame_id());
+    // The coordinate frame of the images is not that of the rotated ones.
+    let stated = if rotation.is_some() { "" } else { source.source().frame_id() };
+    let frame_id = options.frame_id.as_deref().unwrap_or(stated);
     let unnamed = default_frame_id(options.camera.as_str());
     let about = RecordingOptions {
         camera: options.camera.as_str(),
@@ -220,12 +223,12 @@ impl Replay {
     /// Replays `first`, which is filled already, and all frames after it.
     fn run(
         &mut self,
-        source: &mut RecordingSource,
+        source: &mut Rotated<RecordingSource>,
         frame: Frame,
         first: Fill,
         stop: &Stop,
     ) -> anyhow::Result<()> {
-        self.progress = progress("replay", source.image_count());
+        self.progress = progress("replay", source.source().image_count());
         self.frame = frame;
         let mut source = StartingWith { first: Some(first), source };
         let end = drive(&mut source, Pace::ALL, stop, self)?;

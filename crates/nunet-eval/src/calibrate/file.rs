@@ -3,13 +3,20 @@
 use std::io::Write as _;
 use std::path::Path;
 
-use nunet_core::camera::{Calibration, ScaleNote};
+use nunet_core::camera::{Calibration, Camera, ScaleNote};
 use nunet_files::write_whole;
+use nunet_source::Rotation;
 
 use super::{Agreement, CalibrateError, Calibrator};
 use crate::error::EvalError;
 
 impl Calibrator {
+    /// The camera of the images before they were rotated, which a calibration describes.
+    fn stored_camera(&self, camera: &Camera) -> Result<Camera, CalibrateError> {
+        let rotation = self.resolver.rotation().map(Rotation::inverse);
+        Ok(rotation.map_or(Ok(*camera), |rotation| rotation.camera(camera))?)
+    }
+
     /// Writes a factor into the calibration file `out`: the text of the file `named`, which may be `out` itself, otherwise
     /// the intrinsics of the last image. `model` has the name of the model and its SHA-256, hexadecimal.
     ///
@@ -24,7 +31,7 @@ impl Calibrator {
     ) -> Result<(), CalibrateError> {
         let text = match (named, self.camera()) {
             (Some(path), _) => std::fs::read_to_string(path).map_err(EvalError::read(path))?,
-            (None, Some(camera)) => Calibration::file_of(camera),
+            (None, Some(camera)) => Calibration::file_of(&self.stored_camera(camera)?),
             (None, None) => return Err(CalibrateError::NoIntrinsics { factor: found.factor }),
         };
         let note = ScaleNote {

@@ -15,7 +15,7 @@ use nunet_core::camera::{Camera, RayTable, check_scale_factor};
 use nunet_core::obstacle::{DepthImage, Mount};
 use nunet_core::pipeline::{Outputs, Pipeline};
 use nunet_core::scale::FloorGauge;
-use nunet_source::{CameraNews, CameraResolver, Frame, decode};
+use nunet_source::{CameraNews, CameraResolver, Frame, Rotator, decode};
 use nunet_types::{ImageSize, text_with_causes};
 
 use self::agreement::{Observation, least_relative_error, median};
@@ -158,9 +158,12 @@ impl Calibrator {
         }
         on_event(Event::Started { what: "images", count: by_image.len() as u64 });
         let mut frame = Frame::default();
+        let mut rotator = self.resolver.rotation().map(Rotator::new);
         for (image, readings) in by_image {
             let unreadable = |source| EvalError::ReadImage { path: image.clone(), source };
-            decode(&image, &mut frame).map_err(unreadable)?;
+            let rotated = decode(&image, &mut frame)
+                .and_then(|()| rotator.as_mut().map_or(Ok(()), |rotator| rotator.rotate(&mut frame)));
+            rotated.map_err(unreadable)?;
             self.predict_and_report(&frame, on_event)?;
             for reading in readings {
                 let factor = match self.at_point(&reading.point, frame.size) {

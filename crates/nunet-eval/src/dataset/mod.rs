@@ -13,7 +13,8 @@ use std::path::{Path, PathBuf};
 
 use nunet_core::camera::Camera;
 use nunet_source::{
-    CameraFile, Frame, IMAGE_EXTENSIONS, SingleChannelImage, SourceError, decode, decode_numbers,
+    CameraFile, Frame, IMAGE_EXTENSIONS, Rotation, Rotator, SingleChannelImage, SourceError, decode,
+    decode_numbers,
 };
 use nunet_types::{ImageSize, PixelRect};
 use tempfile::TempDir;
@@ -46,6 +47,8 @@ pub(crate) struct Dataset {
     partners: BTreeMap<String, String>,
     units: DepthUnits,
     window: Option<Window>,
+    /// How images, depth and labels are rotated.
+    rotation: Option<Rotation>,
     labels: Option<LabelFolder>,
     /// The camera of all images, if the dataset states it.
     camera: Option<Camera>,
@@ -129,6 +132,7 @@ impl Dataset {
             cameras: cameras::read(&root)?,
             units: options.units,
             window: options.window,
+            rotation: options.camera.rotation,
             _unpacked: None,
             unpaired: 0,
             root,
@@ -147,6 +151,8 @@ impl Dataset {
         let path = self.path("rgb", id, &IMAGE_EXTENSIONS);
         frame.camera = self.cameras.get(id).copied().or(self.camera);
         let decoded = decode(&path, frame).and_then(|()| refuse_turned(frame));
+        let decoded =
+            decoded.and_then(|()| self.rotation.map_or(Ok(()), |to| Rotator::new(to).rotate(frame)));
         decoded.map_err(|source| EvalError::ReadImage { path, source })
     }
 
@@ -170,7 +176,13 @@ impl Dataset {
     fn numbers(&self, folder: &str, id: &str) -> Result<(PathBuf, SingleChannelImage), EvalError> {
         let path = self.path(folder, self.partners.get(id).map_or(id, String::as_str), &NUMBER_ENDINGS);
         match decode_numbers(&path) {
-            Ok(numbers) => Ok((path, numbers)),
+            Ok(numbers) => Ok((
+                path,
+                match self.rotation {
+                    Some(rotation) => numbers.rotated(rotation),
+                    None => numbers,
+                },
+            )),
             Err(source) => Err(EvalError::ReadImage { path, source }),
         }
     }

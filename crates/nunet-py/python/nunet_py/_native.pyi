@@ -266,6 +266,7 @@ def replay(
     *,
     topic: str | None = None,
     camera: Camera | None = None,
+    rotate: int | None = None,
 ) -> Replay: ...
 def colorize(
     depth: NDArray[np.float32],

@@ -26,7 +26,7 @@ impl Result {
     ) -> PyResult<Self> {
         let origin = Origin {
             topic: Some(topic),
-            frame_id: Some(played.frame_id),
+            frame_id: played.frame_id,
             sequence: Some(played.sequence),
             capture_nanos: Some(played.capture_unix_nanos),
         };

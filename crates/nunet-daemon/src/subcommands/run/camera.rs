@@ -134,8 +134,7 @@ pub(super) fn prepare<'a>(
         let options = OpenOptions {
             stopped: Some(stop.flag()),
             model_folders: &model_folders,
-            has_frame_id: plan.config.is_frame_id_chosen,
-            ..plan.config.source.open_options()
+            ..plan.config.open_options()
         };
         let source = open(&plan.config.source.name, options);
         stop.check()?;
@@ -158,8 +157,8 @@ pub(super) fn prepare<'a>(
     }
     let mut cameras = Vec::new();
     for (plan, source, camera) in opened {
-        let config = &plan.config.source;
-        let source = source.unwrap_or_else(|error| config.name.stand_in(config.open_options(), error));
+        let name = &plan.config.source.name;
+        let source = source.unwrap_or_else(|error| name.stand_in(plan.config.open_options(), error));
         cameras.push(PreparedCamera { plan, source, camera });
     }
     Ok(cameras)
