@@ -15,6 +15,7 @@ mod infer;
 mod lens;
 mod loss;
 mod obstacles;
+mod password;
 mod processes;
 mod recurrent;
 mod rotate;

@@ -48,6 +48,7 @@ mod registry;
 mod ros2;
 mod rotated;
 mod rotation;
+mod secret;
 mod shm;
 mod silence;
 mod source;

@@ -5,6 +5,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::error::SourceError;
+use crate::secret::without_passwords;
 use crate::source_type::{Exclusive, Properties, SizeUse, SourceType};
 use crate::{Fill, Frame, OpenOptions, Rotated, Rotation, Source};
 
@@ -46,7 +47,7 @@ pub struct SourceName {
 
 impl std::fmt::Debug for SourceName {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_tuple("SourceName").field(&self.name).finish()
+        f.debug_tuple("SourceName").field(&without_passwords(&self.name)).finish()
     }
 }
 
@@ -104,7 +105,10 @@ impl SourceName {
         let bad = |text: String| Err(SourceError::bad_arguments(text));
         self.kind.check(&self.name)?;
         if let (Some(topic), false) = (options.topic, properties.has_topics) {
-            return bad(format!("topic `{topic}` is for recordings: `{}` has no topics", self.name));
+            return bad(format!(
+                "topic `{topic}` is for recordings: `{}` has no topics",
+                without_passwords(&self.name)
+            ));
         }
         if properties.is_ros2 && options.rate.is_some() {
             return bad(

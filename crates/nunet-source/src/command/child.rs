@@ -7,12 +7,14 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use nunet_types::printable;
 use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, kill_process_group, waitid};
 use tracing::debug;
 
 use crate::OpenOptions;
 use crate::error::{SourceError, SourceErrorKind};
 use crate::pipe::Pipe;
+use crate::secret::without_passwords;
 
 /// How long a program may take to end after it is asked to.
 const GRACE: Duration = Duration::from_secs(1);
@@ -164,7 +166,8 @@ fn keep_last_line(errors: impl Read, kept: &Mutex<String>) {
         // ffmpeg rewrites its progress after a carriage return.
         let text = text.trim().rsplit('\r').next().unwrap_or_default().trim();
         if !text.is_empty() {
-            let text = text.escape_debug().to_string();
+            // ffmpeg repeats its URL in errors.
+            let text = printable::one_line(&without_passwords(text)).into_owned();
             debug!("program: {text}");
             *kept.lock().unwrap_or_else(PoisonError::into_inner) = text;
         }

@@ -10,6 +10,7 @@ use tracing::{debug, info, warn};
 use self::child::Running;
 use crate::error::{SourceError, SourceErrorKind};
 use crate::health::Health;
+use crate::secret::without_passwords;
 use crate::source::Fused;
 use crate::source_type::{Properties, SizeUse, SourceType};
 use crate::{Fill, Frame, OpenOptions, Source};
@@ -60,7 +61,11 @@ impl SourceType for ShellCommand {
                 .with_hint("write the command after it, such as `exec:ffmpeg -i ... -f yuv4mpegpipe -`"));
         }
         let arguments = ["/bin/sh", "-c", command].map(str::to_owned).to_vec();
-        Ok(Box::new(Fused::new(ProgramSource::new(arguments, format!("command `{command}`"), options))))
+        Ok(Box::new(Fused::new(ProgramSource::new(
+            arguments,
+            format!("command `{}`", without_passwords(command)),
+            options,
+        ))))
     }
 }
 
@@ -74,7 +79,7 @@ impl SourceType for NetworkCamera {
     }
 
     fn open(&self, name: &str, options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError> {
-        let place = format!("network camera `{}`", without_password(name));
+        let place = format!("network camera `{}`", without_passwords(name));
         Ok(Box::new(Fused::new(ProgramSource::new(ffmpeg(name), place, options))))
     }
 }
@@ -84,16 +89,6 @@ fn ffmpeg(url: &str) -> Vec<String> {
     let input = "ffmpeg -nostdin -loglevel warning -fflags nobuffer -flags low_delay -rtsp_transport tcp -i";
     let output = "-an -f yuv4mpegpipe -pix_fmt yuv420p -";
     input.split(' ').chain([url]).chain(output.split(' ')).map(str::to_owned).collect()
-}
-
-/// A URL as it may be shown: without its user and password.
-fn without_password(url: &str) -> String {
-    let Some((scheme, rest)) = url.split_once("://") else { return url.to_owned() };
-    let host_end = rest.find('/').unwrap_or(rest.len());
-    match rest[..host_end].rfind('@') {
-        Some(at) => format!("{scheme}://***@{}", &rest[at + 1..]),
-        None => url.to_owned(),
-    }
 }
 
 /// A program that is started, read, and started again when it ends or falls silent.
@@ -156,11 +151,13 @@ impl ProgramSource {
         }
     }
 
+    /// How long the program may send no image.
+    fn silence_limit(&self) -> Duration {
+        self.last_image.map_or(START_TIMEOUT, |_| STALL.max(self.interval * STALL_FRAMES))
+    }
+
     fn is_silent(&self, running: &Running) -> bool {
-        match self.last_image {
-            Some(last) => last.elapsed() > STALL.max(self.interval * STALL_FRAMES),
-            None => running.started.elapsed() > START_TIMEOUT,
-        }
+        self.last_image.unwrap_or(running.started).elapsed() > self.silence_limit()
     }
 
     /// Ends the program. It is tried again, unless it never gave an image and never will.
@@ -252,7 +249,7 @@ impl ProgramSource {
     fn lose_silent(&mut self) -> Fill {
         if let Some(running) = self.running.take() {
             let said = running.end().said;
-            let limit = self.last_image.map_or(START_TIMEOUT, |_| STALL.max(self.interval * STALL_FRAMES));
+            let limit = self.silence_limit();
             let after = if said.is_empty() { String::new() } else { format!("; it last wrote: {said}") };
             self.report(&format!("no image for {} s{after}", limit.as_secs()));
         }
