@@ -7,6 +7,7 @@ use std::io::Write as _;
 use nunet_engine::{EngineError, EngineErrorKind, details_of};
 use nunet_eval::{CalibrateError, EvalError, EvalErrorKind};
 use nunet_files::FilesError;
+use nunet_foxglove::{FoxgloveServerError, FoxgloveServerErrorKind};
 use nunet_ipc::{CameraName, CameraNameError, IpcError};
 use nunet_ros2::{Ros2Error, Ros2ErrorKind};
 use nunet_sink::file_plan::FilePlanError;
@@ -126,6 +127,7 @@ const HINTS: &[HintOf] = &[
     hint_of::<CameraNameError>,
     hint_of::<SourceError>,
     hint_of::<Ros2Error>,
+    hint_of::<FoxgloveServerError>,
     hint_of::<nunet_mcap::RecordingError>,
 ];
 
@@ -211,6 +213,9 @@ pub(crate) fn is_usage(error: &anyhow::Error) -> bool {
                 || is_one(cause, |error: &CalibrateError| error.kind() == EvalErrorKind::Argument)
                 || is_one(cause, |error: &SourceError| error.kind() == SourceErrorKind::BadArguments)
                 || is_one(cause, |error: &Ros2Error| error.kind() == Ros2ErrorKind::Arguments)
+                || is_one(cause, |error: &FoxgloveServerError| {
+                    error.kind() == FoxgloveServerErrorKind::Arguments
+                })
         })
 }
 

@@ -5,6 +5,7 @@ use std::io::IsTerminal as _;
 use nunet_sink::stdout::LogLine;
 use tracing::level_filters::LevelFilter;
 use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::Directive;
 use tracing_subscriber::fmt::format::FmtSpan;
 
 use crate::config::LogOptions;
@@ -17,10 +18,10 @@ pub(crate) fn start(options: LogOptions) {
         (false, 1) => LevelFilter::DEBUG,
         (false, _) => LevelFilter::TRACE,
     };
-    // It logs every message that arrives.
-    let quiet_library = "dust_dds=warn".parse();
+    // The one logs every message that arrives, the other an error for each client that sends nonsense.
+    let quiet_libraries = ["dust_dds=warn", "foxglove=off"].into_iter().flat_map(str::parse::<Directive>);
     let filter = EnvFilter::default().add_directive(level.into());
-    let filter = quiet_library.into_iter().fold(filter, EnvFilter::add_directive);
+    let filter = quiet_libraries.fold(filter, EnvFilter::add_directive);
     let color = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty());
     // Without `log_internal_errors(false)`, a closed stderr would end the daemon with a panic.
     let lines = tracing_subscriber::fmt()

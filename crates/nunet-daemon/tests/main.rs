@@ -10,6 +10,7 @@ mod doctor;
 mod end_to_end;
 mod eval;
 mod filters;
+mod foxglove;
 mod hostile;
 mod infer;
 mod lens;

@@ -86,6 +86,14 @@ impl RosMessage<'_> {
     }
 }
 
+/// The definition of a type of messages with all types that it contains (`ros2msg`), as recordings embed it; `None` for
+/// types that recordings do not have.
+#[must_use]
+pub fn definition(type_name: &str) -> Option<&'static str> {
+    let all = [&IMAGE, &COMPRESSED_IMAGE, &CAMERA_INFO, &POINT_CLOUD, &LASER_SCAN, &TF_MESSAGE];
+    all.into_iter().find(|schema| schema.name == type_name).map(|schema| schema.text)
+}
+
 /// Encodes any message whose fields are those of its `.msg` file, in their order.
 ///
 /// # Errors

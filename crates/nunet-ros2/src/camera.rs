@@ -70,6 +70,8 @@ struct Shared {
     /// The topics that something subscribes to.
     wanted: AtomicU32,
     counts: MessageCounts,
+    /// What log lines call it.
+    network: &'static str,
     state: Mutex<State>,
 }
 
@@ -146,16 +148,17 @@ impl Sink for Ros2Sink {
         self.shared.mailbox.close();
         let Self { shared, thread } = *self;
         FinishingSink::new(move |timeout| {
-            let waited = timeout.wait("ROS 2", || thread.is_finished(), || shared.counts.sent());
+            let network = shared.network;
+            let waited = timeout.wait(network, || thread.is_finished(), || shared.counts.sent());
             let failure = match waited {
                 Ok(()) => thread.join().err().map(|_| "the thread panicked".to_owned()),
                 Err(why) => Some(why.to_string()),
             };
             let (sent, not_taken) = (shared.counts.sent(), shared.counts.not_taken());
             let superseded = shared.counts.superseded();
-            info!("ROS 2: {sent} messages sent, {not_taken} not taken, {superseded} frames superseded");
+            info!("{network}: {sent} messages sent, {not_taken} not taken, {superseded} frames superseded");
             if let Some(why) = failure {
-                warn!("the last ROS 2 messages were not sent: {why}");
+                warn!("the last messages for {network} were not sent: {why}");
                 return Ok(Outcome::Lost);
             }
             Ok(Outcome::Done)
@@ -186,8 +189,9 @@ impl CameraThread {
         depth: DepthFormat,
         outputs: Outputs,
         unannounced: Vec<Arc<dyn Link>>,
+        network: &'static str,
     ) -> Result<Ros2Sink, Ros2Error> {
-        let side = Self::new(camera, depth, outputs, unannounced);
+        let side = Self::new(camera, depth, outputs, unannounced, network);
         let shared = Arc::clone(&side.shared);
         let thread = std::thread::Builder::new().name("ros2".to_owned()).spawn(|| side.run());
         Ok(Ros2Sink { shared, thread: thread.map_err(Ros2Error::Thread)? })
@@ -198,11 +202,13 @@ impl CameraThread {
         depth: DepthFormat,
         outputs: Outputs,
         unannounced: Vec<Arc<dyn Link>>,
+        network: &'static str,
     ) -> Self {
         let shared = Arc::new(Shared {
             mailbox: Mailbox::default(),
             wanted: AtomicU32::new(0),
             counts: camera.counts.clone(),
+            network,
             state: Mutex::default(),
         });
         Self {

@@ -9,14 +9,18 @@ use nunet_sink::sink::Sink;
 use tracing::{info, warn};
 
 use crate::camera::{CameraThread, Outputs};
-use crate::options::{Available, CameraOptions, LinkName, Ros2Options, check_camera_name};
+use crate::options::{Available, CameraOptions, LinkName, Ros2Options, Topics, check_camera_name};
 use crate::topic::Topic;
 
 /// Connections to ROS 2. They end with it.
 pub struct Ros2Node {
     links: Vec<Arc<dyn Link>>,
     options: Ros2Options,
+    /// What log lines call the network.
+    network: &'static str,
 }
+
+const ROS_2: &str = "ROS 2";
 
 impl Ros2Node {
     /// Connects by all transports of `options`.
@@ -25,12 +29,13 @@ impl Ros2Node {
     /// A variable of the environment is wrong, or the network cannot be used.
     pub fn open(options: &Ros2Options) -> Result<Self, Ros2Error> {
         let links = options.links.iter().map(open_link).collect::<Result<_, _>>()?;
-        Ok(Self { links, options: options.clone() })
+        Ok(Self { links, options: options.clone(), network: ROS_2 })
     }
 
-    #[cfg(test)]
-    pub(crate) fn with_links(links: Vec<Arc<dyn Link>>) -> Self {
-        Self { links, options: Ros2Options::default() }
+    /// Sends the messages of cameras over another network, which log lines call `network`.
+    #[must_use]
+    pub fn over(link: Arc<dyn Link>, network: &'static str, topics: Topics) -> Self {
+        Self { links: vec![link], options: Ros2Options { topics, ..Ros2Options::default() }, network }
     }
 
     /// Publishes the topics of a camera.
@@ -38,7 +43,9 @@ impl Ros2Node {
     /// # Errors
     /// The camera does not have a topic that was asked for, or its name cannot be part of a topic.
     pub fn add_camera(&self, camera: &CameraOptions<'_>) -> Result<Box<dyn Sink>, Ros2Error> {
-        check_camera_name(camera.name)?;
+        if self.network == ROS_2 {
+            check_camera_name(camera.name)?;
+        }
         let topics = self.topics(camera)?;
         let mut outputs = Outputs::default();
         let node = format!("nunetd_{}", camera.name);
@@ -48,8 +55,10 @@ impl Ros2Node {
             let publishers = self.links.iter().map(|link| link.publisher(&node, &endpoint, topic.delivery()));
             outputs.add(topic, publishers.collect::<Result<_, _>>()?);
         }
-        info!("ROS 2 topics: {}", listed(&topics, camera.name));
-        Ok(Box::new(CameraThread::start(camera, self.options.depth, outputs, self.announce(camera.name))?))
+        info!("{} topics: {}", self.network, listed(&topics, camera.name));
+        let unannounced = self.announce(camera.name);
+        let sink = CameraThread::start(camera, self.options.depth, outputs, unannounced, self.network)?;
+        Ok(Box::new(sink))
     }
 
     /// Announces the node of `camera`. Returns the connections that could not: topics work without it, and a node that has

@@ -70,6 +70,8 @@ pub enum Topics {
     Default,
     /// All that the camera has.
     All,
+    /// Those of a recording, as far as the camera has them, and no others.
+    Recorded,
     /// These.
     These(BTreeSet<Topic>),
 }
@@ -120,6 +122,7 @@ impl Topics {
         let chosen = match self {
             Self::Default => present(&Topic::DEFAULT),
             Self::All => present(&Topic::ALL),
+            Self::Recorded => return Ok(present(&Topic::RECORDED)),
             Self::These(topics) => topics.clone(),
         };
         let failed = chosen.iter().find_map(|&topic| Some((topic.name(), missing(topic)?)));

@@ -60,6 +60,19 @@ impl Topic {
     /// Those that fit into ordinary networks.
     pub const DEFAULT: [Self; 4] = [Self::HalfDepth, Self::HalfDepthCamera, Self::ObstaclePoints, Self::Scan];
 
+    /// Those of a recording.
+    pub const RECORDED: [Self; 9] = [
+        Self::Depth,
+        Self::DepthCamera,
+        Self::Labels,
+        Self::Points,
+        Self::ObstaclePoints,
+        Self::Scan,
+        Self::Image,
+        Self::ImageCamera,
+        Self::TfStatic,
+    ];
+
     /// Those that are always there.
     pub const ALWAYS: [Self; 2] = [Self::TfStatic, Self::Diagnostics];
 

@@ -13,6 +13,7 @@
 //! | [`metrics`], [`view`] | counts and latencies for Prometheus; frames for the live view |
 //! | [`empty_depth`] | a warning about depth maps without valid depth |
 //! | [`stats_record`] | counts and latencies as stored in shared memory |
+//! | [`watch_text`] | a frame and its stats as text |
 //! | [`stability`] | a warning about depth that drifts or flickers while the image does not change |
 //! | [`mavlink`] | obstacles for an autopilot |
 //! | [`obstacles`] | the stage that finds obstacles, only for frames whose obstacles a reader or a sink needs
@@ -43,3 +44,4 @@ pub mod stability;
 pub mod stats_record;
 pub mod stdout;
 pub mod view;
+pub mod watch_text;

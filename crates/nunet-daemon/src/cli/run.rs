@@ -16,7 +16,7 @@ use serde::Deserialize;
 use tracing::warn;
 
 use super::text::{FileMode, FrameId, Readers, StageEvery, Text, value};
-use super::{CameraArgs, DEFAULT_MODEL, EngineArgs, ObstacleArgs, RecordArgs};
+use super::{CameraArgs, DEFAULT_MODEL, EngineArgs, FoxgloveArgs, ObstacleArgs, RecordArgs};
 use crate::config::{
     AccessConfig, CameraConfig, Config, ModelConfig, OutputConfig, Publish, SourceConfig, StabilityLimit,
     frame_id,
@@ -56,6 +56,9 @@ pub struct RunArgs {
     pub view: ViewArgs,
     #[command(flatten)]
     #[serde(flatten)]
+    pub foxglove: FoxgloveArgs,
+    #[command(flatten)]
+    #[serde(flatten)]
     pub ros2: Ros2Args,
     /// Write frame counts and latencies into this file at the end
     #[arg(long, value_name = "FILE")]
@@ -80,6 +83,7 @@ impl RunArgs {
                 metrics: value(&self.metrics),
                 view: self.view.config()?,
                 ros2,
+                foxglove: self.foxglove.config()?,
                 stats_json: self.stats_json.clone(),
             },
         })

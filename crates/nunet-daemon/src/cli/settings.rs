@@ -21,11 +21,12 @@ use crate::config::{CameraConfig, Config};
 use crate::exit::BadArguments;
 
 /// Flags that need another flag, which may be in the file.
-const NEEDS: [(&str, &str); 6] = [
+const NEEDS: [(&str, &str); 7] = [
     ("force", "record"),
     ("record-lossless", "record"),
     ("format", "size"),
     ("access-mode", "access-group"),
+    ("foxglove-public", "foxglove"),
     ("ros2-topics", "ros2"),
     ("ros2-depth", "ros2"),
 ];

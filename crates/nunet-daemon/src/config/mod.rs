@@ -10,6 +10,7 @@ use std::path::PathBuf;
 use nunet_core::frame::PixelFormat;
 use nunet_core::pipeline::PipelineOptions;
 use nunet_engine::EngineOptions;
+use nunet_foxglove::FoxgloveConfig;
 use nunet_ipc::{CameraName, Limits};
 use nunet_mavlink::MavlinkAddress;
 use nunet_ros2::Ros2Options;
@@ -173,6 +174,8 @@ pub struct OutputConfig {
     pub view: Option<ViewConfig>,
     /// Topics of ROS 2.
     pub ros2: Ros2Options,
+    /// The server for Foxglove.
+    pub foxglove: Option<FoxgloveConfig>,
     /// The file for frame counts and latencies.
     pub stats_json: Option<PathBuf>,
 }

@@ -3,6 +3,7 @@
 //! The sinks are in `nunet-sink`. To add one, write a file there that implements [`Sink`], a file here with its `open` function,
 //! and one line in [`REGISTRY`].
 
+pub(crate) mod foxglove_channels;
 pub(crate) mod last_frame;
 pub(crate) mod loans;
 pub(crate) mod mavlink;
@@ -18,6 +19,7 @@ pub(crate) mod view;
 use std::path::Path;
 
 use nunet_core::pipeline::Pipeline;
+use nunet_foxglove::FoxgloveServer;
 use nunet_ros2::Ros2Node;
 pub(crate) use nunet_sink::queue::OnRoom;
 pub(crate) use nunet_sink::results::Results;
@@ -29,8 +31,15 @@ use self::stats::Common;
 use crate::config::CameraConfig;
 
 /// All sinks. Shared memory is not one of them: it is always on.
-pub(crate) const REGISTRY: &[OpenSink] =
-    &[recording::open, last_frame::open, metrics::open, view::open, mavlink::open, ros2::open];
+pub(crate) const REGISTRY: &[OpenSink] = &[
+    recording::open,
+    last_frame::open,
+    metrics::open,
+    view::open,
+    mavlink::open,
+    ros2::open,
+    foxglove_channels::open,
+];
 
 /// Opens a sink; `None` if it is not configured.
 pub(crate) type OpenSink = fn(&SinkContext<'_>) -> anyhow::Result<Option<Box<dyn Sink>>>;
@@ -49,6 +58,8 @@ pub(crate) struct SinkContext<'a> {
     pub(crate) metrics: Option<&'a Metrics>,
     /// The connection of all cameras to ROS 2, if configured.
     pub(crate) ros2: Option<&'a Ros2Node>,
+    /// The server for Foxglove of all cameras, if configured.
+    pub(crate) foxglove: Option<&'a FoxgloveServer>,
     /// The live view of all cameras, if configured.
     pub(crate) view: Option<&'a ViewServer>,
     /// To be called when a sink that had no room has room again.

@@ -12,6 +12,7 @@ use std::time::Duration;
 use nunet_core::cloud::CloudPoint;
 use nunet_core::depth::{DepthEncoding, Scale};
 use nunet_core::obstacle::{Ground, ObstacleSector, Obstacles};
+use nunet_foxglove::FoxgloveConfig;
 use nunet_mavlink::MavlinkAddress;
 use nunet_ros2::{CameraOptions, Ros2Options};
 use nunet_sink::archive::Archive;
@@ -67,6 +68,7 @@ const CASES: &[Case] = &[
     Case { name: "view", open: view, can_fail: false },
     Case { name: "mavlink", open: mavlink, can_fail: false },
     Case { name: "ROS 2", open: ros2, can_fail: false },
+    Case { name: "Foxglove", open: foxglove, can_fail: false },
 ];
 
 /// An archive that writes a line per frame.
@@ -207,6 +209,19 @@ static OBSTACLES: LazyLock<Obstacles> = LazyLock::new(|| Obstacles {
 /// subscribers, by `cargo xtask test --ros2`.
 fn ros2(_folder: &Path, _backend: Backend) -> Rig {
     let node = Ros2Node::open(&Ros2Options::default()).unwrap();
+    unread(|camera| node.add_camera(camera).unwrap())
+}
+
+/// As [`ros2`]; clients that stall, die and send nonsense are tested in `nunet-foxglove`.
+fn foxglove(_folder: &Path, _backend: Backend) -> Rig {
+    let config = FoxgloveConfig { address: "127.0.0.1:0".parse().unwrap(), is_public: false };
+    let server = FoxgloveServer::open(config, 1).unwrap();
+    let rig = unread(|camera| server.add_camera(camera).unwrap());
+    Rig { release: Box::new(move || drop(server)), ..rig }
+}
+
+/// A camera that nothing subscribes to.
+fn unread(add: impl FnOnce(&CameraOptions<'_>) -> Box<dyn Sink>) -> Rig {
     let counts = MessageCounts::default();
     let camera = CameraOptions {
         name: "front",
@@ -219,7 +234,7 @@ fn ros2(_folder: &Path, _backend: Backend) -> Rig {
         about: &[],
     };
     Rig {
-        sink: node.add_camera(&camera).unwrap(),
+        sink: add(&camera),
         release: Box::new(|| {}),
         arrived: Box::new(move |_| (counts.sent(), counts.not_taken(), counts.superseded()) == (0, 0, 0)),
     }

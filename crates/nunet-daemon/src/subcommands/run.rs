@@ -47,6 +47,8 @@ fn start(config: &Config, stop: &Stop) -> anyhow::Result<Outcome> {
     let outputs = OutputPaths::of(&cameras, config.outputs.stats_json.as_deref());
     outputs.check()?;
 
+    // Before the model, because a port in use is noticed at once.
+    let servers = Servers::open(&config.outputs, cameras.len())?;
     stop.check()?;
     let (model, pipelines) = load_pipelines(config, stop)?;
     let graph = pipelines.first().context("one camera at least")?.graph();
@@ -58,7 +60,6 @@ fn start(config: &Config, stop: &Stop) -> anyhow::Result<Outcome> {
     let cameras = cameras.into_iter().zip(pipelines);
     let cameras = cameras.map(|(camera, pipeline)| camera.open(pipeline, common, several, stop));
     let cameras = cameras.collect::<anyhow::Result<Vec<_>>>()?;
-    let servers = Servers::open(&config.outputs)?;
     // Last, so that a failed start leaves no folders and no recordings. From the first recording on, the stream handles a
     // stop.
     stop.check()?;

@@ -1,7 +1,5 @@
 //! `nunetd watch`: prints what a running daemon publishes, as text or JSON.
 
-mod text;
-
 use std::io::IsTerminal as _;
 use std::num::NonZeroU64;
 use std::time::{Duration, Instant};
@@ -14,7 +12,7 @@ use crate::Outcome;
 use crate::exit::{BadArguments, WithHint};
 use crate::stream::Stop;
 use nunet_sink::stdout::{StdoutError, print};
-use text::{json_of, line_of, screen_of};
+use nunet_sink::watch_text::{json_of, line_of, screen_of};
 
 /// The longest single wait, so that a stop is handled in time.
 const GLANCE: Duration = Duration::from_millis(100);

@@ -8,6 +8,7 @@ use nunet_telemetry::DrainTimeout;
 use nunet_types::ImageSize;
 
 use super::*;
+use crate::options::Topics;
 
 const SIZE: ImageSize = ImageSize::new(2, 2);
 const TIMEOUT: Duration = Duration::from_secs(60);
@@ -88,7 +89,7 @@ fn give(sink: &mut dyn Sink, value: u8) {
 
 /// A sink whose thread is played by the test.
 fn played(topics: &[(Topic, &Fake)], counts: &MessageCounts) -> (Ros2Sink, CameraThread) {
-    let side = CameraThread::new(&options(counts), DepthFormat::Meters, outputs(topics), Vec::new());
+    let side = CameraThread::new(&options(counts), DepthFormat::Meters, outputs(topics), Vec::new(), "test");
     let sink = Ros2Sink { shared: Arc::clone(&side.shared), thread: std::thread::spawn(|| {}) };
     (sink, side)
 }
@@ -131,7 +132,8 @@ fn diagnostics_state_no_age_before_the_first_frame() {
 fn feed(behavior: Behavior, is_enough: impl Fn(&MessageCounts, usize) -> bool) -> Outcome {
     let (fake, counts) = (fake(behavior), MessageCounts::default());
     let outputs = outputs(&[(Topic::HalfDepth, &fake)]);
-    let mut sink = CameraThread::start(&options(&counts), DepthFormat::Meters, outputs, Vec::new()).unwrap();
+    let mut sink =
+        CameraThread::start(&options(&counts), DepthFormat::Meters, outputs, Vec::new(), "test").unwrap();
     let start = Instant::now();
     while !is_enough(&counts, fake.sent.load(Ordering::Relaxed)) {
         give(&mut sink, 1);
@@ -195,7 +197,7 @@ impl Link for Shy {
 #[test]
 fn a_node_that_could_not_be_announced_is_announced_later() {
     let (link, counts) = (Arc::new(Shy::default()), MessageCounts::default());
-    let node = crate::Ros2Node::with_links(vec![Arc::clone(&link) as Arc<dyn Link>]);
+    let node = crate::Ros2Node::over(Arc::clone(&link) as Arc<dyn Link>, "test", Topics::Default);
     let sink = node.add_camera(&options(&counts)).unwrap();
     let start = Instant::now();
     while link.0.load(Ordering::Relaxed) < 2 {

@@ -249,6 +249,7 @@ impl Opened<'_> {
             metrics: servers.metrics.as_ref(),
             view: servers.view.as_ref(),
             ros2: servers.ros2.as_ref(),
+            foxglove: servers.foxglove.as_ref(),
             on_room: Arc::new(move || notify.notify()),
         };
         let sinks = sink::open_all(&context)?;

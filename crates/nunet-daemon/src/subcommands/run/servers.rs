@@ -1,11 +1,12 @@
-//! The servers of a run: metrics, live view, ROS 2.
+//! The servers of a run: metrics, live view, ROS 2, Foxglove.
 
+use nunet_foxglove::FoxgloveServer;
 use nunet_ros2::Ros2Node;
 use nunet_telemetry::Metrics;
 use nunet_view::{MetricsServer, ViewServer};
 
 use crate::config::OutputConfig;
-use crate::sink::{metrics, ros2, view};
+use crate::sink::{foxglove_channels, metrics, ros2, view};
 
 /// What other programs connect to, for all cameras.
 pub(super) struct Servers {
@@ -13,18 +14,21 @@ pub(super) struct Servers {
     pub(super) metrics: Option<Metrics>,
     pub(super) view: Option<ViewServer>,
     pub(super) ros2: Option<Ros2Node>,
+    pub(super) foxglove: Option<FoxgloveServer>,
     /// Serves until it is dropped.
     _metrics_server: Option<MetricsServer>,
 }
 
 impl Servers {
-    /// Opens the configured servers.
-    pub(super) fn open(config: &OutputConfig) -> anyhow::Result<Self> {
+    /// Opens the configured servers for a number of cameras.
+    pub(super) fn open(config: &OutputConfig, cameras: usize) -> anyhow::Result<Self> {
         let all = Metrics::default();
         let own = config.metrics.map(|address| metrics::serve(&all, address)).transpose()?;
         let view = config.view.as_ref().map(|config| view::open_server(config, &all)).transpose()?;
         let ros2 = ros2::open_node(&config.ros2)?;
+        let foxglove =
+            config.foxglove.map(|config| foxglove_channels::open_server(config, cameras)).transpose()?;
         let is_served = own.is_some() || view.is_some();
-        Ok(Self { metrics: is_served.then_some(all), view, ros2, _metrics_server: own })
+        Ok(Self { metrics: is_served.then_some(all), view, ros2, foxglove, _metrics_server: own })
     }
 }

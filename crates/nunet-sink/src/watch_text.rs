@@ -1,4 +1,4 @@
-//! The output of `nunetd watch`.
+//! A frame in shared memory and the stats of its camera as text, for `nunetd watch`.
 
 use nunet_files::{BIRDS_EYE_LEGEND, BirdsEye};
 use nunet_ipc::{
@@ -24,7 +24,10 @@ fn depth_center(frame: &Message) -> anyhow::Result<Option<f32>> {
 }
 
 /// One object per frame, for scripts.
-pub(super) fn json_of(frame: &Message, stats: &StatsRecord) -> anyhow::Result<Value> {
+///
+/// # Errors
+/// The message is damaged, or has a value that this version does not know.
+pub fn json_of(frame: &Message, stats: &StatsRecord) -> anyhow::Result<Value> {
     let header = frame.header();
     let metric = header.units()? == Units::Metre;
     let stages: Map<_, _> =
@@ -62,7 +65,10 @@ fn center_of(frame: &Message) -> anyhow::Result<String> {
 }
 
 /// One line per frame.
-pub(super) fn line_of(frame: &Message) -> anyhow::Result<String> {
+///
+/// # Errors
+/// As [`json_of`].
+pub fn line_of(frame: &Message) -> anyhow::Result<String> {
     let header = frame.header();
     Ok(format!(
         "frame {} age {} center {} quality {}",
@@ -86,7 +92,10 @@ fn scale_of(header: &FrameHeader) -> anyhow::Result<String> {
 }
 
 /// The view of a terminal.
-pub(super) fn screen_of(
+///
+/// # Errors
+/// As [`json_of`].
+pub fn screen_of(
     camera: &CameraName,
     frame: &Message,
     stats: &StatsRecord,

@@ -1,0 +1,55 @@
+//! `--foxglove ADDRESS:PORT`: the results as channels of Foxglove.
+
+use nunet_foxglove::{FoxgloveConfig, FoxgloveServer};
+use nunet_ros2::CameraOptions;
+use tracing::info;
+
+use super::recording::mount;
+use super::{Sink, SinkContext};
+use crate::exit::WithHint;
+
+/// Opens the server for a number of cameras.
+///
+/// # Errors
+/// The address is in use, or is not an address of this machine.
+pub(crate) fn open_server(config: FoxgloveConfig, cameras: usize) -> anyhow::Result<FoxgloveServer> {
+    let server = FoxgloveServer::open(config, cameras).map_err(|error| {
+        WithHint::plain(format!("cannot serve Foxglove on `{}`", config.address)).because(error)
+    })?;
+    info!("open ws://{} in Foxglove", server.address());
+    Ok(server)
+}
+
+/// Opens the sink if `--foxglove` is given.
+pub(super) fn open(context: &SinkContext<'_>) -> anyhow::Result<Option<Box<dyn Sink>>> {
+    let Some(server) = context.foxglove else { return Ok(None) };
+    let config = context.config;
+    let name = config.name.as_str();
+    let counts = context.metrics.map(|metrics| metrics.messages(name, "foxglove")).unwrap_or_default();
+    let sink = server.add_camera(&CameraOptions {
+        name,
+        frame_id: &config.frame_id,
+        classes: context.common.classes,
+        mount: config.mount.map(mount),
+        has_labels: context.pipeline.graph().has_labels(),
+        has_obstacles: context.has_obstacles,
+        counts: &counts,
+        about: &[],
+    });
+    Ok(Some(sink.map_err(|error| WithHint::plain("cannot serve Foxglove").because(error))?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_address_in_use_is_an_error_with_a_hint() {
+        let free = FoxgloveConfig { address: "127.0.0.1:0".parse().unwrap(), is_public: false };
+        let taken = FoxgloveServer::open(free, 1).unwrap();
+        let error = open_server(FoxgloveConfig { address: taken.address(), ..free }, 1).err().unwrap();
+        let text = crate::exit::chain_text(&error);
+        assert!(text.starts_with("error: cannot serve Foxglove on `127.0.0.1:"), "{text}");
+        assert!(text.contains("\nhint: choose another port"), "{text}");
+    }
+}

@@ -1,0 +1,81 @@
+//! Foxglove as a network of `nunet-ros2`: a channel for each topic.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use foxglove::{ChannelBuilder, Context, RawChannel, Schema};
+use nunet_mcap::ros::definition;
+use nunet_ros2_link::{Delivery, Endpoint, Link, Publisher, Ros2Error, Subscriber};
+
+use crate::kept::KeptMessages;
+
+/// What messages call the network.
+pub(crate) const NETWORK: &str = "Foxglove";
+
+/// The channels of all cameras.
+pub(crate) struct Channels {
+    context: Arc<Context>,
+    kept: Arc<KeptMessages>,
+    publishers: AtomicU64,
+}
+
+impl Channels {
+    pub(crate) fn new(context: Arc<Context>, kept: Arc<KeptMessages>) -> Self {
+        Self { context, kept, publishers: AtomicU64::new(0) }
+    }
+}
+
+impl Link for Channels {
+    fn publisher(
+        &self,
+        _node: &str,
+        endpoint: &Endpoint<'_>,
+        delivery: Delivery,
+    ) -> Result<Box<dyn Publisher>, Ros2Error> {
+        let name = endpoint.message_type.name();
+        let failed = |reason: String| Ros2Error::Middleware { action: "add a channel", reason };
+        let text = definition(name).ok_or_else(|| failed(format!("the definition of {name} is missing")))?;
+        let schema = Schema::new(name, "ros2msg", text.as_bytes());
+        let channel = ChannelBuilder::new(endpoint.topic).context(&self.context).message_encoding("cdr");
+        // A channel of the same topic and type is shared: `/tf_static`, by all cameras.
+        let channel = channel.schema(schema).build_raw().map_err(|error| failed(error.to_string()))?;
+        let number = self.publishers.fetch_add(1, Ordering::Relaxed);
+        let kept = delivery.is_kept.then(|| Arc::clone(&self.kept));
+        Ok(Box::new(ChannelPublisher { channel, number, kept }))
+    }
+
+    fn subscriber(&self, _node: &str, _endpoint: &Endpoint<'_>) -> Result<Box<dyn Subscriber>, Ros2Error> {
+        Err(Ros2Error::Transport { name: NETWORK })
+    }
+
+    fn published_types(&self, _topic: &str) -> Result<Vec<String>, Ros2Error> {
+        Ok(Vec::new())
+    }
+
+    fn announce_nodes(&self) -> Result<(), Ros2Error> {
+        Ok(())
+    }
+}
+
+/// One topic.
+struct ChannelPublisher {
+    channel: Arc<RawChannel>,
+    number: u64,
+    kept: Option<Arc<KeptMessages>>,
+}
+
+impl Publisher for ChannelPublisher {
+    /// At least one, or none.
+    fn subscribers(&self) -> usize {
+        usize::from(self.channel.has_sinks())
+    }
+
+    /// The library queues the message for each client. If the queue of a client is full, its oldest message is dropped.
+    fn send(&self, message: &[u8]) -> bool {
+        if let Some(kept) = &self.kept {
+            kept.put(&self.channel, self.number, message);
+        }
+        self.channel.log(message);
+        true
+    }
+}
