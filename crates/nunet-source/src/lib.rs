@@ -23,6 +23,7 @@
 mod bit_depth;
 mod camera_file;
 mod camera_resolver;
+mod camera_settings;
 mod command;
 mod continuity;
 mod convert;
@@ -58,6 +59,7 @@ mod v4l2;
 
 pub use camera_file::CameraFile;
 pub use camera_resolver::{CameraGeometry, CameraNews, CameraResolver, read_calibration};
+pub use camera_settings::{CameraSetting, CameraSettings};
 pub use continuity::{Continuity, Discontinuity};
 pub use error::{SourceError, SourceErrorKind};
 pub use frame::{CaptureTime, Frame, Pixels};

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use crate::error::SourceError;
 use crate::secret::without_passwords;
 use crate::source_type::{Exclusive, Properties, SizeUse, SourceType};
-use crate::{Fill, Frame, OpenOptions, Rotated, Rotation, Source};
+use crate::{CameraSettings, Fill, Frame, OpenOptions, Rotated, Rotation, Source};
 
 /// Every kind of source, in the order in which names are compared. Image files accept every remaining name.
 const REGISTRY: &[&dyn SourceType] = &[
@@ -115,6 +115,9 @@ impl SourceName {
                 "a rate is for files and devices: a ROS 2 topic has the rate of its publisher".to_owned()
             );
         }
+        if !properties.has_settings && options.camera_settings != CameraSettings::UNCHANGED {
+            return bad("exposure and gain are for V4L2 cameras, such as /dev/video0".to_owned());
+        }
         match (properties.size, options.size, options.format) {
             (SizeUse::Raw, Some(_), None) => {
                 return bad("a size without a format: raw images need both".to_owned());
@@ -176,7 +179,7 @@ mod tests {
     use nunet_types::{ImageSize, PixelFormat};
 
     use super::*;
-    use crate::SourceErrorKind;
+    use crate::{CameraSetting, SourceErrorKind};
 
     fn kind(name: &str) -> Properties {
         SourceName::parse(name).properties()
@@ -267,6 +270,9 @@ mod tests {
         assert!(refused("/dev/video0", repeat).contains("a camera has no end"));
         assert!(refused("-", repeat).contains("standard input cannot begin again"));
         let topic = OpenOptions { topic: Some("/a"), ..OpenOptions::default() };
+        let camera_settings = CameraSettings { gain: Some(CameraSetting::Auto), ..CameraSettings::UNCHANGED };
+        let set = OpenOptions { camera_settings, ..OpenOptions::default() };
+        assert!(refused("demo", set).starts_with("exposure and gain are for V4L2 cameras"));
         assert!(refused("demo", topic).starts_with("topic `/a` is for recordings"));
     }
 

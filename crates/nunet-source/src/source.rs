@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use nunet_types::{ImageSize, PixelFormat};
 
-use crate::{Frame, Rate, Rotation, SourceError};
+use crate::{CameraSettings, Frame, Rate, Rotation, SourceError};
 
 /// What happened when a source was asked for a frame.
 #[derive(Debug)]
@@ -100,6 +100,8 @@ pub struct OpenOptions<'a> {
     pub format: Option<PixelFormat>,
     /// The requested rate of a camera; the caller keeps the rate of other sources.
     pub rate: Option<Rate>,
+    /// Exposure and gain of a camera.
+    pub camera_settings: CameraSettings,
     /// How images are rotated before anything else.
     pub rotation: Option<Rotation>,
     /// Whether the caller chose a coordinate frame: that of the source is not stated then.

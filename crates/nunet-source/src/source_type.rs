@@ -66,6 +66,8 @@ pub struct Properties {
     pub has_topics: bool,
     /// The use of a size and a format.
     pub size: SizeUse,
+    /// Whether exposure and gain can be set.
+    pub has_settings: bool,
     /// Why it cannot be repeated; `None` if it can.
     pub no_repeat: Option<&'static str>,
     /// The usual name of the camera.

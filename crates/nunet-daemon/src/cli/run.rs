@@ -22,7 +22,7 @@ use crate::config::{
     frame_id,
 };
 use crate::exit::{BadArguments, WithHint, camera_name, in_camera};
-use crate::source::{Rate, SourceName};
+use crate::source::{CameraSetting, CameraSettings, Rate, SourceName};
 
 /// `nunetd run`
 #[derive(Debug, Args, Clone, Deserialize)]
@@ -292,6 +292,12 @@ pub struct SourceArgs {
     /// The format of raw images on stdin: rgb8, bgr8, mono8, yuyv or nv12
     #[arg(long, value_name = "FORMAT")]
     pub format: Option<Text<PixelFormat>>,
+    /// The exposure time of a V4L2 camera, microseconds, or `auto` [default: as the camera is set]
+    #[arg(long, value_name = "auto|MICROSECONDS")]
+    pub exposure: Option<Text<CameraSetting>>,
+    /// The gain of a V4L2 camera, in the driver's own steps, or `auto` [default: as the camera is set]
+    #[arg(long, value_name = "auto|N")]
+    pub gain: Option<Text<CameraSetting>>,
     /// Stop after N frames
     #[arg(long, value_name = "N")]
     pub frames: Option<Text<NonZeroU64>>,
@@ -307,6 +313,7 @@ impl SourceArgs {
             topic: self.topic.clone(),
             size: value(&self.size),
             format: value(&self.format),
+            settings: CameraSettings { exposure: value(&self.exposure), gain: value(&self.gain) },
             frames: value(&self.frames),
         }
     }

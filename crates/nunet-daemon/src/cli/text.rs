@@ -16,7 +16,7 @@ use serde::de::{Deserialize, Deserializer, Error as _};
 
 use crate::config::{MAX_FRAME_ID, MountOption, StabilityLimit};
 use crate::exit::BadArguments;
-use crate::source::{Rate, Rotation};
+use crate::source::{CameraSetting, Rate, Rotation};
 
 /// A value that is written as text, on the command line and in the configuration file.
 #[derive(Debug, Clone, PartialEq)]
@@ -61,7 +61,7 @@ macro_rules! from_str {
 }
 
 from_str!(BadArguments::of: Provider, IntrinsicsSpec, FilterSpec, MavlinkAddress, LinkName, DepthFormat);
-from_str!(plain: Rate, Rotation, ImageSize, PixelFormat, MountOption, StabilityLimit);
+from_str!(plain: CameraSetting, Rate, Rotation, ImageSize, PixelFormat, MountOption, StabilityLimit);
 
 fn plain(error: &impl Display) -> BadArguments {
     BadArguments::new(error.to_string())

@@ -14,7 +14,7 @@ use nunet_foxglove::FoxgloveConfig;
 use nunet_ipc::{CameraName, Limits};
 use nunet_mavlink::MavlinkAddress;
 use nunet_ros2::Ros2Options;
-use nunet_source::{CameraGeometry, OpenOptions, Rate, SourceName};
+use nunet_source::{CameraGeometry, CameraSettings, OpenOptions, Rate, SourceName};
 use nunet_types::ImageSize;
 use nunet_view::ViewConfig;
 
@@ -114,6 +114,8 @@ pub struct SourceConfig {
     pub size: Option<ImageSize>,
     /// The format of raw images.
     pub format: Option<PixelFormat>,
+    /// Exposure and gain of a camera.
+    pub settings: CameraSettings,
     /// Stop after this many frames.
     pub frames: Option<NonZeroU64>,
 }
@@ -128,6 +130,7 @@ impl SourceConfig {
             size: self.size,
             format: self.format,
             rate: self.rate,
+            camera_settings: self.settings,
             ..OpenOptions::default()
         }
     }

@@ -38,6 +38,7 @@ const LIVE: Properties = Properties {
     is_shared_memory: false,
     is_started: true,
     has_topics: false,
+    has_settings: false,
     size: SizeUse::None,
     no_repeat: Some("a program has no end: it is started again"),
     camera: "camera",

@@ -7,6 +7,10 @@ use bytemuck::{Pod, Zeroable};
 
 /// Images, each in one buffer (`V4L2_BUF_TYPE_VIDEO_CAPTURE`).
 pub(super) const CAPTURE: u32 = 1;
+/// Images whose planes may be in a buffer each (`V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE`).
+pub(super) const CAPTURE_PLANES: u32 = 9;
+/// `VIDEO_MAX_PLANES`
+pub(super) const MAX_PLANES: usize = 8;
 /// Buffers of the driver that we map (`V4L2_MEMORY_MMAP`).
 pub(super) const MMAP: u32 = 1;
 /// Whole images, not every second row (`V4L2_FIELD_NONE`).
@@ -24,6 +28,9 @@ pub(super) const CAN_STREAM: u32 = 0x0400_0000;
 pub(super) const HAS_DEVICE_CAPS: u32 = 0x8000_0000;
 /// `V4L2_CAP_TIMEPERFRAME`
 pub(super) const CAN_SET_INTERVAL: u32 = 0x1000;
+
+/// Of a control: it cannot be used (`V4L2_CTRL_FLAG_DISABLED`, `V4L2_CTRL_FLAG_READ_ONLY`).
+pub(super) const UNUSABLE: u32 = 0x1 | 0x4;
 
 /// `V4L2_BUF_FLAG_ERROR`
 pub(super) const FLAWED: u32 = 0x40;
@@ -43,6 +50,7 @@ macro_rules! plain {
         pub(super) struct $name { $(pub(super) $field: $kind,)* }
 
         impl $name {
+            #[allow(dead_code, reason = "some are only made with all of their fields")]
             pub(super) const ZERO: Self = Self { $($field: $zero,)* };
         }
 
@@ -98,6 +106,20 @@ plain! {
         bytes: u32 = 0,
         rest: [u32; 44] = [0; 44],
     }
+    PlanarFormat is "v4l2_format", 208 bytes {
+        kind: u32 = CAPTURE_PLANES,
+        gap: u32 = 0,
+        width: u32 = 0,
+        height: u32 = 0,
+        format: u32 = 0,
+        field: u32 = PROGRESSIVE,
+        color_space: u32 = 0,
+        // Of each plane: its bytes, bytes from row to row, three reserved.
+        planes: [[u32; 5]; MAX_PLANES] = [[0; 5]; MAX_PLANES],
+        plane_count: u8 = 0,
+        flags: [u8; 11] = [0; 11],
+        rest: [u8; 8] = [0; 8],
+    }
     StreamParameters is "v4l2_streamparm", 204 bytes {
         kind: u32 = CAPTURE,
         capability: u32 = 0,
@@ -113,6 +135,29 @@ plain! {
         capabilities: u32 = 0,
         flags: u32 = 0,
     }
+    Plane is "v4l2_plane", 64 bytes {
+        used: u32 = 0,
+        length: u32 = 0,
+        offset: u32 = 0,
+        gap_behind_offset: u32 = 0,
+        data_offset: u32 = 0,
+        reserved: [u32; 11] = [0; 11],
+    }
+    Control is "v4l2_control", 8 bytes {
+        id: u32 = 0,
+        value: i32 = 0,
+    }
+    ControlQuery is "v4l2_queryctrl", 68 bytes {
+        id: u32 = 0,
+        kind: u32 = 0,
+        name: [u8; 32] = [0; 32],
+        least: i32 = 0,
+        most: i32 = 0,
+        step: i32 = 0,
+        usual: i32 = 0,
+        flags: u32 = 0,
+        reserved: [u32; 2] = [0; 2],
+    }
     BufferState is "v4l2_buffer", 88 bytes {
         index: u32 = 0,
         kind: u32 = CAPTURE,
@@ -125,6 +170,7 @@ plain! {
         timecode: [u32; 4] = [0; 4],
         sequence: u32 = 0,
         memory: u32 = MMAP,
+        // With planes, both halves of the address of an array of `Plane`.
         offset: u32 = 0,
         gap_behind_offset: u32 = 0,
         length: u32 = 0,
@@ -139,6 +185,11 @@ const _: () = {
     assert!(offset_of!(FrameSize, sides) == 12);
     assert!(offset_of!(FrameInterval, seconds) == 20);
     assert!(offset_of!(ImageFormat, width) == 8);
+    assert!(offset_of!(PlanarFormat, planes) == 28);
+    assert!(offset_of!(PlanarFormat, plane_count) == 188);
+    assert!(offset_of!(Plane, data_offset) == 16);
+    assert!(offset_of!(ControlQuery, least) == 40);
+    assert!(offset_of!(ControlQuery, flags) == 56);
     assert!(offset_of!(StreamParameters, numerator) == 12);
     assert!(offset_of!(BufferState, seconds) == 24);
     assert!(offset_of!(BufferState, sequence) == 56);

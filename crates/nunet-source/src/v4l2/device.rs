@@ -59,6 +59,12 @@ pub(super) trait Device: Send {
 
     /// Gives a buffer back to be filled again.
     fn queue(&mut self, buffer: Buffer) -> Result<()>;
+
+    /// The values that a control takes; `None` if the device does not have it.
+    fn control_range(&mut self, id: u32) -> Result<Option<ControlRange>>;
+
+    /// Sets a control.
+    fn set_control(&mut self, id: u32, value: i32) -> Result<()>;
 }
 
 /// The same time on two clocks.
@@ -70,15 +76,22 @@ pub(super) struct Now {
     pub(super) unix_nanos: i64,
 }
 
+/// The values of a control.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct ControlRange {
+    /// The smallest.
+    pub(super) least: i32,
+    /// The largest.
+    pub(super) most: i32,
+}
+
 /// A device's name and abilities.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Capability {
     /// The camera's name.
     pub(super) name: String,
-    /// Whether it captures images, each in one buffer.
+    /// Whether it captures images, in one buffer each or in one per plane.
     pub(super) captures: bool,
-    /// Whether it captures images with each plane in a buffer of its own.
-    pub(super) captures_planes: bool,
     /// Whether it fills mapped buffers.
     pub(super) streams: bool,
 }

@@ -32,6 +32,10 @@ pub(super) enum CameraFault {
     OtherFormat { asked: FourCc, got: FourCc },
     #[error("its driver chose images of {size} with rows {row_stride} bytes apart, which is impossible")]
     NoLayout { size: ImageSize, row_stride: u32 },
+    #[error("it has no control for {what}")]
+    NoControl { what: &'static str },
+    #[error("it takes {what} from {least} to {most}{unit}, not {given}{unit}")]
+    OutOfRange { what: &'static str, given: u32, least: i64, most: i64, unit: &'static str },
     #[error("cannot {step}: {errno}")]
     Failed { step: &'static str, errno: Errno },
 }
@@ -50,6 +54,7 @@ impl Hint for CameraFault {
             Self::OtherCapture { .. } | Self::NoFormat { .. } => {
                 "pipe its images into standard input, with ffmpeg or GStreamer"
             }
+            Self::NoControl { .. } | Self::OutOfRange { .. } => "`v4l2-ctl --list-ctrls` lists its controls",
             _ => return None,
         };
         Some(hint.into())
@@ -67,6 +72,11 @@ impl CameraFault {
             Errno::NOTTY => Self::NoVideo,
             errno => Self::Failed { step, errno },
         }
+    }
+
+    /// Whether other arguments would fix it.
+    pub(super) fn is_argument(&self) -> bool {
+        matches!(self, Self::NoControl { .. } | Self::OutOfRange { .. })
     }
 
     /// The hint for an error at startup.

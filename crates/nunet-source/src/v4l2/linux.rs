@@ -1,12 +1,8 @@
 //! Video devices of the Linux kernel: its requests and memory-mapped buffers, without any policy.
-#![expect(
-    unsafe_code,
-    reason = "ioctl hands the kernel a pointer, and a driver's buffers are mapped into our memory"
-)]
+#![expect(unsafe_code, reason = "ioctl hands the kernel a pointer")]
 
 use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
-use std::ptr::{self, NonNull};
 use std::time::Duration;
 
 use bytemuck::Pod;
@@ -15,19 +11,22 @@ use nunet_types::ImageSize;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{FileType, Mode, OFlags, major};
 use rustix::ioctl::{Opcode, Updater, ioctl, opcode};
-use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 
 use super::abi::{
-    self, BufferRequest, BufferState, Capabilities, Description, FrameInterval, FrameSize, ImageFormat,
-    StreamParameters,
+    self, BufferRequest, BufferState, Capabilities, Control, ControlQuery, Description, FrameInterval,
+    FrameSize, ImageFormat, PlanarFormat, Plane, StreamParameters,
 };
 use super::device::{
-    Buffer, BufferFormat, Capability, Device, Errno, FourCc, Host, Interval, Intervals, Now, Result, Sizes,
+    Buffer, BufferFormat, Capability, ControlRange, Device, Errno, FourCc, Host, Interval, Intervals, Now,
+    Result, Sizes,
 };
+use super::mapping::{MappedBuffer, Mapping};
+use super::planes::{PlaneLayout, layouts};
 
 const QUERY_CAPABILITIES: Opcode = opcode::read::<Capabilities>(b'V', 0);
 const DESCRIBE_FORMAT: Opcode = opcode::read_write::<Description>(b'V', 2);
 const SET_FORMAT: Opcode = opcode::read_write::<ImageFormat>(b'V', 5);
+const SET_PLANAR_FORMAT: Opcode = opcode::read_write::<PlanarFormat>(b'V', 5);
 const REQUEST_BUFFERS: Opcode = opcode::read_write::<BufferRequest>(b'V', 8);
 const QUERY_BUFFER: Opcode = opcode::read_write::<BufferState>(b'V', 9);
 const QUEUE_BUFFER: Opcode = opcode::read_write::<BufferState>(b'V', 15);
@@ -36,6 +35,8 @@ const STREAM_ON: Opcode = opcode::write::<i32>(b'V', 18);
 const STREAM_OFF: Opcode = opcode::write::<i32>(b'V', 19);
 const GET_PARAMETERS: Opcode = opcode::read_write::<StreamParameters>(b'V', 21);
 const SET_PARAMETERS: Opcode = opcode::read_write::<StreamParameters>(b'V', 22);
+const SET_CONTROL: Opcode = opcode::read_write::<Control>(b'V', 28);
+const QUERY_CONTROL: Opcode = opcode::read_write::<ControlQuery>(b'V', 36);
 const DESCRIBE_SIZE: Opcode = opcode::read_write::<FrameSize>(b'V', 74);
 const DESCRIBE_INTERVAL: Opcode = opcode::read_write::<FrameInterval>(b'V', 75);
 
@@ -58,7 +59,7 @@ impl Host for Linux {
             return Err(Errno::NOTTY);
         }
         let file = rustix::fs::open(path, OFlags::RDWR | OFlags::NONBLOCK | OFlags::CLOEXEC, Mode::empty())?;
-        Ok(Box::new(LinuxDevice { buffers: Vec::new(), file }))
+        Ok(Box::new(LinuxDevice::new(file)))
     }
 
     fn nodes(&self) -> Vec<PathBuf> {
@@ -81,11 +82,63 @@ impl Host for Linux {
 
 /// An open device. The buffers come first: they are unmapped before the device is closed.
 struct LinuxDevice {
-    buffers: Vec<Mapping>,
+    buffers: Vec<MappedBuffer>,
+    /// Whether buffers have planes, by the driver's interface for them.
+    is_planar: bool,
+    /// Planes of a buffer.
+    plane_count: usize,
+    /// How planes are joined; empty if an image is in one buffer.
+    layouts: Vec<PlaneLayout>,
     file: OwnedFd,
 }
 
 impl LinuxDevice {
+    fn new(file: OwnedFd) -> Self {
+        Self { buffers: Vec::new(), is_planar: false, plane_count: 1, layouts: Vec::new(), file }
+    }
+
+    /// The kind of buffers.
+    fn kind(&self) -> u32 {
+        if self.is_planar { abi::CAPTURE_PLANES } else { abi::CAPTURE }
+    }
+
+    /// Sends a request about a buffer, and returns its state and planes.
+    fn control_buffer<const OPCODE: Opcode>(
+        &self,
+        index: u32,
+    ) -> Result<(BufferState, [Plane; abi::MAX_PLANES])> {
+        let mut planes = [Plane::ZERO; abi::MAX_PLANES];
+        let mut state = BufferState { index, kind: self.kind(), ..BufferState::ZERO };
+        if self.is_planar {
+            // The kernel reads and writes the array during the request, which it outlives.
+            let address = planes.as_mut_ptr().expose_provenance() as u64;
+            (state.offset, state.gap_behind_offset) = (address as u32, (address >> 32) as u32);
+            state.length = self.plane_count as u32;
+            self.control::<OPCODE, _>(&mut state)?;
+        } else {
+            self.control::<OPCODE, _>(&mut state)?;
+            let BufferState { used, length, offset, .. } = state;
+            planes[0] = Plane { used, length, offset, ..Plane::ZERO };
+        }
+        Ok((state, planes))
+    }
+
+    /// As [`Device::set_format`], for planes.
+    fn set_planar_format(&mut self, format: FourCc, size: ImageSize) -> Result<BufferFormat> {
+        let ImageSize { width, height } = size;
+        let mut answer = PlanarFormat { width, height, format: format.0, ..PlanarFormat::ZERO };
+        self.control::<SET_PLANAR_FORMAT, _>(&mut answer)?;
+        let PlanarFormat { width, height, format, planes, plane_count, .. } = answer;
+        let (format, size) = (FourCc(format), ImageSize { width, height });
+        self.plane_count = usize::from(plane_count).clamp(1, abi::MAX_PLANES);
+        let strides = [0, 1, 2].map(|plane: usize| planes[plane][1]);
+        self.layouts = layouts(format, size, strides, self.plane_count).unwrap_or_default();
+        if self.plane_count > 1 && self.layouts.is_empty() {
+            return Err(Errno::NOTSUP);
+        }
+        Ok(BufferFormat { format, size, row_stride: strides[0] })
+    }
+
     /// Sends a request (`ioctl`). The reply overwrites the argument.
     fn control<const OPCODE: Opcode, T: Pod>(&self, argument: &mut T) -> Result<()> {
         const {
@@ -99,8 +152,8 @@ impl LinuxDevice {
             // and writes (asserted above); plain data stays valid whatever the kernel writes.
             let request = unsafe { Updater::<OPCODE, T>::new(argument) };
             // SAFETY: the device is one of V4L2 (its major number was checked), so it knows these opcodes.
-            // None of the arguments holds a pointer: buffers are the driver's, and formats those of images in
-            // one buffer.
+            // Of the arguments, only the state of a buffer with planes holds a pointer: to an array that is as long
+            // as the state says, and that its caller keeps.
             match unsafe { ioctl(&self.file, request) } {
                 Err(Errno::INTR) => {}
                 result => return result,
@@ -115,17 +168,17 @@ impl Device for LinuxDevice {
         self.control::<QUERY_CAPABILITIES, _>(&mut answer)?;
         let own = answer.capabilities & abi::HAS_DEVICE_CAPS != 0;
         let can = if own { answer.device_caps } else { answer.capabilities };
+        self.is_planar = can & abi::CAN_CAPTURE == 0 && can & abi::CAN_CAPTURE_PLANES != 0;
         Ok(Capability {
             name: text(&answer.card),
-            captures: can & abi::CAN_CAPTURE != 0,
-            captures_planes: can & abi::CAN_CAPTURE_PLANES != 0,
+            captures: can & (abi::CAN_CAPTURE | abi::CAN_CAPTURE_PLANES) != 0,
             streams: can & abi::CAN_STREAM != 0,
         })
     }
 
     fn formats(&mut self) -> Result<Vec<FourCc>> {
         list(|index| {
-            let mut entry = Description { index, ..Description::ZERO };
+            let mut entry = Description { index, kind: self.kind(), ..Description::ZERO };
             self.control::<DESCRIBE_FORMAT, _>(&mut entry)?;
             Ok(FourCc(entry.format))
         })
@@ -165,7 +218,11 @@ impl Device for LinuxDevice {
         })
     }
 
-    fn set_format(&mut self, format: FourCc, ImageSize { width, height }: ImageSize) -> Result<BufferFormat> {
+    fn set_format(&mut self, format: FourCc, size: ImageSize) -> Result<BufferFormat> {
+        if self.is_planar {
+            return self.set_planar_format(format, size);
+        }
+        let ImageSize { width, height } = size;
         let mut answer = ImageFormat { width, height, format: format.0, ..ImageFormat::ZERO };
         self.control::<SET_FORMAT, _>(&mut answer)?;
         let ImageFormat { width, height, format, row_stride, .. } = answer;
@@ -173,7 +230,7 @@ impl Device for LinuxDevice {
     }
 
     fn set_interval(&mut self, interval: Interval) -> Result<Option<Interval>> {
-        let mut answer = StreamParameters::ZERO;
+        let mut answer = StreamParameters { kind: self.kind(), ..StreamParameters::ZERO };
         match self.control::<GET_PARAMETERS, _>(&mut answer) {
             Err(Errno::NOTTY | Errno::INVAL) => return Ok(None),
             result => result?,
@@ -186,18 +243,19 @@ impl Device for LinuxDevice {
     }
 
     fn start(&mut self, buffers: u32) -> Result<()> {
-        let mut request = BufferRequest { count: buffers, ..BufferRequest::ZERO };
+        let mut request = BufferRequest { count: buffers, kind: self.kind(), ..BufferRequest::ZERO };
         self.control::<REQUEST_BUFFERS, _>(&mut request)?;
         if request.count == 0 {
             return Err(Errno::NOMEM);
         }
         for index in 0..request.count.min(MAX_BUFFERS) {
-            let mut state = BufferState { index, ..BufferState::ZERO };
-            self.control::<QUERY_BUFFER, _>(&mut state)?;
-            self.buffers.push(Mapping::of(&self.file, state.offset, state.length as usize)?);
-            self.control::<QUEUE_BUFFER, _>(&mut BufferState { index, ..BufferState::ZERO })?;
+            let (_, planes) = self.control_buffer::<QUERY_BUFFER>(index)?;
+            let planes = planes.iter().take(self.plane_count);
+            let mapped = planes.map(|plane| Mapping::of(&self.file, plane.offset, plane.length as usize));
+            self.buffers.push(MappedBuffer::new(mapped.collect::<Result<_>>()?));
+            self.control_buffer::<QUEUE_BUFFER>(index)?;
         }
-        self.control::<STREAM_ON, _>(&mut (abi::CAPTURE as i32))
+        self.control::<STREAM_ON, _>(&mut (self.kind() as i32))
     }
 
     fn wait(&mut self, timeout: Duration) -> Result<bool> {
@@ -217,76 +275,51 @@ impl Device for LinuxDevice {
     }
 
     fn dequeue(&mut self) -> Result<Option<Buffer>> {
-        let mut state = BufferState::ZERO;
-        match self.control::<DEQUEUE_BUFFER, _>(&mut state) {
+        let (state, planes) = match self.control_buffer::<DEQUEUE_BUFFER>(0) {
             Err(Errno::AGAIN) => return Ok(None),
             result => result?,
-        }
-        let mapping = self.buffers.get_mut(state.index as usize).ok_or(Errno::IO)?;
-        mapping.ours = true;
+        };
+        let mapped = self.buffers.get_mut(state.index as usize).ok_or(Errno::IO)?;
+        let used = mapped.take(&planes[..self.plane_count], &self.layouts);
         let nanos = state.seconds.saturating_mul(1_000_000_000).saturating_add(state.microseconds * 1000);
         let monotonic = state.flags & abi::CLOCK_MASK == abi::CLOCK_MONOTONIC;
         Ok(Some(Buffer {
             index: state.index,
-            used: (state.used as usize).min(mapping.bytes),
+            used,
             flawed: state.flags & abi::FLAWED != 0,
             taken_nanos: monotonic.then_some(nanos),
         }))
     }
 
     fn bytes(&self, buffer: &Buffer) -> &[u8] {
-        let mapping = self.buffers.get(buffer.index as usize);
-        mapping.and_then(|mapping| mapping.bytes()?.get(..buffer.used)).unwrap_or_default()
+        let mapped = self.buffers.get(buffer.index as usize);
+        mapped.and_then(|mapped| mapped.bytes()?.get(..buffer.used)).unwrap_or_default()
     }
 
     fn queue(&mut self, buffer: Buffer) -> Result<()> {
-        let mapping = self.buffers.get_mut(buffer.index as usize).ok_or(Errno::INVAL)?;
-        mapping.ours = false;
-        self.control::<QUEUE_BUFFER, _>(&mut BufferState { index: buffer.index, ..BufferState::ZERO })
+        self.buffers.get_mut(buffer.index as usize).ok_or(Errno::INVAL)?.release();
+        self.control_buffer::<QUEUE_BUFFER>(buffer.index).map(drop)
+    }
+
+    fn control_range(&mut self, id: u32) -> Result<Option<ControlRange>> {
+        let mut answer = ControlQuery { id, ..ControlQuery::ZERO };
+        match self.control::<QUERY_CONTROL, _>(&mut answer) {
+            Err(Errno::INVAL | Errno::NOTTY) => return Ok(None),
+            result => result?,
+        }
+        let is_usable = answer.flags & abi::UNUSABLE == 0;
+        Ok(is_usable.then_some(ControlRange { least: answer.least, most: answer.most }))
+    }
+
+    fn set_control(&mut self, id: u32, value: i32) -> Result<()> {
+        self.control::<SET_CONTROL, _>(&mut Control { id, value })
     }
 }
 
 impl Drop for LinuxDevice {
     fn drop(&mut self) {
         // An unplugged device has no stream to end, and other failures cannot be handled here.
-        let _ = self.control::<STREAM_OFF, _>(&mut (abi::CAPTURE as i32));
-    }
-}
-
-/// A memory-mapped buffer of the driver.
-struct Mapping {
-    start: NonNull<u8>,
-    bytes: usize,
-    /// Whether the driver has returned it and does not write into it.
-    ours: bool,
-}
-
-// SAFETY: the mapping belongs to the process, not to a thread, and only this value has its address.
-unsafe impl Send for Mapping {}
-
-impl Mapping {
-    fn of(file: &OwnedFd, offset: u32, bytes: usize) -> Result<Self> {
-        // SAFETY: the kernel chooses a free address range, so no memory in use changes.
-        let start = unsafe {
-            mmap(ptr::null_mut(), bytes, ProtFlags::READ, MapFlags::SHARED, file, u64::from(offset))
-        }?;
-        let start = NonNull::new(start.cast()).ok_or(Errno::NOMEM)?;
-        Ok(Self { start, bytes, ours: false })
-    }
-
-    /// Its content; `None` while the driver owns it.
-    fn bytes(&self) -> Option<&[u8]> {
-        // SAFETY: the range stays mapped for as long as `self` lives. The driver fills only buffers that are queued,
-        // and queueing this one clears `ours` through an exclusive borrow, when no slice of it is left.
-        self.ours.then(|| unsafe { std::slice::from_raw_parts(self.start.as_ptr(), self.bytes) })
-    }
-}
-
-impl Drop for Mapping {
-    fn drop(&mut self) {
-        // SAFETY: the range is the one that was mapped, and no slice of it outlives `self`.
-        let unmapped = unsafe { munmap(self.start.as_ptr().cast(), self.bytes) };
-        debug_assert!(unmapped.is_ok(), "a range that was mapped can be unmapped");
+        let _ = self.control::<STREAM_OFF, _>(&mut (self.kind() as i32));
     }
 }
 
@@ -319,6 +352,9 @@ mod tests {
             (QUERY_CAPABILITIES, 0x8068_5600),
             (DESCRIBE_FORMAT, 0xc040_5602),
             (SET_FORMAT, 0xc0d0_5605),
+            (SET_PLANAR_FORMAT, 0xc0d0_5605),
+            (SET_CONTROL, 0xc008_561c),
+            (QUERY_CONTROL, 0xc044_5624),
             (REQUEST_BUFFERS, 0xc014_5608),
             (QUERY_BUFFER, 0xc058_5609),
             (QUEUE_BUFFER, 0xc058_560f),
@@ -347,10 +383,15 @@ mod tests {
     #[test]
     fn a_file_that_supports_no_request_returns_errors() {
         let (file, _other) = std::io::pipe().unwrap();
-        let mut device = LinuxDevice { buffers: Vec::new(), file: file.into() };
+        let mut device = LinuxDevice::new(file.into());
         assert_eq!(device.capability(), Err(Errno::NOTTY));
         assert_eq!(device.formats(), Ok(vec![]));
         assert_eq!(device.set_interval(Interval::of_hz(30.0)), Ok(None));
+        assert_eq!(device.start(4), Err(Errno::NOTTY));
+        assert_eq!(device.control_range(1), Ok(None));
+        assert_eq!(device.set_control(1, 1), Err(Errno::NOTTY));
+        device.is_planar = true;
+        assert_eq!(device.set_format(FourCc::new(b"NM12"), ImageSize::new(4, 2)), Err(Errno::NOTTY));
         assert_eq!(device.start(4), Err(Errno::NOTTY));
         assert_eq!(device.wait(Duration::ZERO), Ok(false));
         let buffer = Buffer { index: 0, used: 5, flawed: false, taken_nanos: None };
@@ -364,9 +405,10 @@ mod tests {
         let file = tempfile::tempfile().unwrap();
         std::io::Write::write_all(&mut &file, &[7; 4096]).unwrap();
         let file = OwnedFd::from(file);
-        let mut mapping = Mapping::of(&file, 0, 4096).unwrap();
-        mapping.ours = true;
-        let mut device = LinuxDevice { buffers: vec![mapping], file };
+        let mut mapped = MappedBuffer::new(vec![Mapping::of(&file, 0, 4096).unwrap()]);
+        assert_eq!(mapped.take(&[Plane { used: 5, ..Plane::ZERO }], &[]), 5);
+        let mut device = LinuxDevice::new(file);
+        device.buffers.push(mapped);
         let buffer = Buffer { index: 0, used: 5, flawed: false, taken_nanos: None };
         assert_eq!(device.bytes(&buffer), [7; 5]);
         assert_eq!(device.queue(buffer), Err(Errno::NOTTY), "a file takes no buffers back");

@@ -48,13 +48,10 @@ pub(super) fn cameras_of(host: &mut dyn Host) -> Vec<CameraReport> {
 pub(super) fn name_of_camera(device: &mut dyn Device) -> Result<String, CameraFault> {
     let can = device.capability().map_err(CameraFault::at("ask what it is"))?;
     let name = can.name;
-    match (can.captures, can.captures_planes, can.streams) {
-        (true, _, true) => Ok(name),
-        (true, _, false) => Err(CameraFault::OtherCapture { name, what: "without mapped buffers" }),
-        (false, true, _) => {
-            Err(CameraFault::OtherCapture { name, what: "each plane in a buffer of its own" })
-        }
-        (false, false, _) => Err(CameraFault::NoCapture { name }),
+    match (can.captures, can.streams) {
+        (true, true) => Ok(name),
+        (true, false) => Err(CameraFault::OtherCapture { name, what: "without mapped buffers" }),
+        (false, _) => Err(CameraFault::NoCapture { name }),
     }
 }
 

@@ -1,6 +1,6 @@
 //! Cameras of this machine, through V4L2.
 //!
-//! Requests and mapped memory are in [`linux`], behind the trait [`Device`]. This file contains the policy:
+//! Requests are in [`linux`], mapped memory in [`mapping`], behind the trait [`Device`]. This file contains the policy:
 //! it chooses the mode, takes the newest image, rejects bad images, and waits for a lost camera.
 
 mod abi;
@@ -8,7 +8,10 @@ mod device;
 mod fault;
 mod linux;
 mod list;
+mod mapping;
 mod negotiate;
+mod planes;
+mod settings;
 
 use std::os::unix::fs::FileTypeExt as _;
 use std::path::{Path, PathBuf};
@@ -80,6 +83,7 @@ impl SourceType for VideoDevice {
         Properties {
             exclusive: Some(Exclusive::Device),
             size: SizeUse::Requested,
+            has_settings: true,
             no_repeat: Some("a camera has no end to begin again at"),
             camera: "camera",
             default_size: Some("640x480"),
@@ -103,7 +107,7 @@ fn requested(options: OpenOptions<'_>) -> RequestedMode {
         Rate::Max => MAX_HZ,
         Rate::Hz(hz) => hz,
     });
-    RequestedMode { size: options.size.unwrap_or(usual.size), hz }
+    RequestedMode { size: options.size.unwrap_or(usual.size), hz, settings: options.camera_settings }
 }
 
 impl<H: Host> V4l2Camera<H> {
@@ -114,7 +118,12 @@ impl<H: Host> V4l2Camera<H> {
 
     fn open(mut host: H, path: &Path, requested: RequestedMode) -> Result<Self, SourceError> {
         let stream = StartedDevice::open(&mut host, path, requested).map_err(|fault| {
-            let error = SourceError::new(SourceErrorKind::Unavailable, fault.to_string());
+            let kind = if fault.is_argument() {
+                SourceErrorKind::BadArguments
+            } else {
+                SourceErrorKind::Unavailable
+            };
+            let error = SourceError::new(kind, fault.to_string());
             let error = match fault.hint_on(&host) {
                 Some(hint) => error.with_hint(hint),
                 None => error,
@@ -219,6 +228,7 @@ impl StartedDevice {
         let name = list::name_of_camera(device.as_mut())?;
         let choice = choose(device.as_mut(), requested)?;
         let mode = set(device.as_mut(), choice, requested)?;
+        settings::apply(device.as_mut(), requested.settings)?;
         device.start(BUFFERS).map_err(CameraFault::at("start it"))?;
         Ok(Self { device, mode, name, last_nanos: None })
     }

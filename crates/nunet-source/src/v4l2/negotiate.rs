@@ -6,6 +6,7 @@ use nunet_types::{ImageSize, MAX_SIDE_PX, PixelFormat};
 
 use super::device::{BufferFormat, Device, FourCc, Interval, Intervals, Sizes};
 use super::fault::CameraFault;
+use crate::camera_settings::CameraSettings;
 use crate::convert::{Bayer, RawLayout};
 use crate::rate::MAX_HZ;
 
@@ -16,12 +17,14 @@ pub(super) struct RequestedMode {
     pub(super) size: ImageSize,
     /// Frames per second.
     pub(super) hz: f64,
+    /// Exposure and gain.
+    pub(super) settings: CameraSettings,
 }
 
 impl Default for RequestedMode {
     /// The size of the networks, and the rate of most cameras.
     fn default() -> Self {
-        Self { size: ImageSize::new(640, 480), hz: 30.0 }
+        Self { size: ImageSize::new(640, 480), hz: 30.0, settings: CameraSettings::UNCHANGED }
     }
 }
 
@@ -55,7 +58,7 @@ const fn mosaic(pattern: Bayer) -> Coding {
 /// The readable formats, the best first. Raw images need no decoding and have no artifacts; the first
 /// ones need no conversion. A mosaic has a third of the resolution, and gray images lack the color that the
 /// networks were trained with.
-const READABLE: [(FourCc, Coding); 16] = [
+const READABLE: [(FourCc, Coding); 20] = [
     (FourCc::new(b"NV12"), direct(PixelFormat::Nv12)),
     (FourCc::new(b"YUYV"), direct(PixelFormat::Yuyv)),
     (FourCc::new(b"RGB3"), direct(PixelFormat::Rgb8)),
@@ -64,6 +67,11 @@ const READABLE: [(FourCc, Coding); 16] = [
     (FourCc::new(b"NV21"), Coding::Raw(RawLayout::Nv21)),
     (FourCc::new(b"YU12"), Coding::Raw(RawLayout::Planes { v_first: false })),
     (FourCc::new(b"YV12"), Coding::Raw(RawLayout::Planes { v_first: true })),
+    // The planes of these are in a buffer each, and are joined.
+    (FourCc::new(b"NM12"), direct(PixelFormat::Nv12)),
+    (FourCc::new(b"NM21"), Coding::Raw(RawLayout::Nv21)),
+    (FourCc::new(b"YM12"), Coding::Raw(RawLayout::Planes { v_first: false })),
+    (FourCc::new(b"YM21"), Coding::Raw(RawLayout::Planes { v_first: true })),
     (FourCc::new(b"MJPG"), Coding::Jpeg),
     (FourCc::new(b"JPEG"), Coding::Jpeg),
     (FourCc::new(b"RGGB"), mosaic(Bayer::RGGB)),

@@ -6,14 +6,15 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use image::{Rgb, RgbImage};
 use nunet_core::frame::PixelFormat;
 
-use super::device::{BufferFormat, Capability, Errno, FourCc, Interval, Intervals, Sizes};
+use super::device::{BufferFormat, Capability, ControlRange, Errno, FourCc, Interval, Intervals, Sizes};
 use super::*;
+use crate::{CameraSetting, CameraSettings};
 
 const MS: i64 = 1_000_000;
 const SECOND: i64 = 1000 * MS;
 const PATH: &str = "/dev/video0";
 const SIZE: ImageSize = ImageSize::new(4, 2);
-const REQUESTED: RequestedMode = RequestedMode { size: SIZE, hz: 30.0 };
+const REQUESTED: RequestedMode = RequestedMode { size: SIZE, hz: 30.0, settings: CameraSettings::UNCHANGED };
 const NV12: FourCc = FourCc::new(b"NV12");
 const YUYV: FourCc = FourCc::new(b"YUYV");
 const MJPG: FourCc = FourCc::new(b"MJPG");
@@ -50,6 +51,10 @@ struct World {
     tries: Vec<i64>,
     /// Devices that are open.
     open: usize,
+    /// The controls of the camera, with their ranges and the values that are refused.
+    controls: Vec<(u32, ControlRange, Vec<i32>)>,
+    /// What was set.
+    set: Vec<(u32, i32)>,
     /// Buffers that were taken and not given back.
     held: usize,
     most_held: usize,
@@ -164,8 +169,7 @@ impl FakeDevice {
 
 impl Device for FakeDevice {
     fn capability(&mut self) -> device::Result<Capability> {
-        let usual =
-            Capability { name: "Fake Cam".into(), captures: true, captures_planes: false, streams: true };
+        let usual = Capability { name: "Fake Cam".into(), captures: true, streams: true };
         Ok(self.alive()?.kind.clone().unwrap_or(usual))
     }
 
@@ -236,6 +240,21 @@ impl Device for FakeDevice {
         // What is looked at after it was given back is another image.
         self.buffers[buffer.index as usize].fill(0xee);
         self.alive()?.held -= 1;
+        Ok(())
+    }
+
+    fn control_range(&mut self, id: u32) -> device::Result<Option<ControlRange>> {
+        let world = self.alive()?;
+        Ok(world.controls.iter().find(|(own, ..)| *own == id).map(|(_, range, _)| *range))
+    }
+
+    fn set_control(&mut self, id: u32, value: i32) -> device::Result<()> {
+        let mut world = self.alive()?;
+        let control = world.controls.iter().find(|(own, ..)| *own == id).ok_or(Errno::INVAL)?;
+        if control.2.contains(&value) {
+            return Err(Errno::INVAL);
+        }
+        world.set.push((id, value));
         Ok(())
     }
 }
@@ -518,11 +537,9 @@ fn a_device_that_cannot_be_used_at_startup_is_an_error_with_its_reason() {
 #[test]
 fn a_device_of_another_kind_and_a_camera_of_unknown_formats_are_refused_by_name() {
     let host = FakeHost::of(GREY);
-    let metadata = Capability { name: "Meta".into(), captures: false, captures_planes: false, streams: true };
+    let metadata = Capability { name: "Meta".into(), captures: false, streams: true };
     host.world().kind = Some(metadata.clone());
     assert!(refusal(&host).contains("`Meta` captures no images here | a camera may have several"));
-    host.world().kind = Some(Capability { captures_planes: true, ..metadata.clone() });
-    assert!(refusal(&host).contains("each plane in a buffer of its own"));
     host.world().kind = Some(Capability { captures: true, streams: false, ..metadata });
     assert!(refusal(&host).contains("without mapped buffers"));
     let host = FakeHost::with(vec![one(H264, SIZE, 30.0), one(FourCc::new(b"pBAA"), SIZE, 30.0)]);
@@ -564,9 +581,9 @@ fn the_nearest_size_comes_first_then_the_nearest_rate_then_the_format() {
         ]
     };
     assert_eq!(asked(webcam(), requested).0, YUYV, "nothing to decode");
-    let large = RequestedMode { size: ImageSize::new(1280, 720), hz: 30.0 };
+    let large = RequestedMode { size: ImageSize::new(1280, 720), ..REQUESTED };
     assert_eq!(asked(webcam(), large), (MJPG, ImageSize::new(1280, 720), 30.0), "raw would be too slow");
-    let slow = RequestedMode { size: ImageSize::new(1280, 720), hz: 5.0 };
+    let slow = RequestedMode { size: ImageSize::new(1280, 720), hz: 5.0, ..REQUESTED };
     assert_eq!(asked(webcam(), slow), (YUYV, ImageSize::new(1280, 720), 10.0));
     let both = vec![one(NV12, ImageSize::new(640, 360), 30.0), one(MJPG, ImageSize::new(640, 480), 5.0)];
     assert_eq!(asked(both, requested), (MJPG, ImageSize::new(640, 480), 5.0));
@@ -633,10 +650,107 @@ fn formats_that_need_a_conversion_are_read_as_recordings_are() {
 #[test]
 fn a_jpeg_that_lost_its_middle_fails_and_one_without_tables_is_read() {
     let host = FakeHost::with(vec![one(MJPG, ImageSize::new(64, 48), 30.0)]);
-    let mut video = host.try_open(RequestedMode { size: ImageSize::new(64, 48), hz: 30.0 }).unwrap();
+    let mut video = host.try_open(RequestedMode { size: ImageSize::new(64, 48), ..REQUESTED }).unwrap();
     while !matches!(next(&mut video), Err(Fill::Nothing)) {}
     host.shoot(nunet_testkit::cases::read("mjpeg_without_tables/no_dht.jpg"));
     assert!(next(&mut video).is_ok());
     host.shoot(nunet_testkit::cases::read("jpeg_lost_middle/lost.jpg"));
     assert!(failure(next(&mut video)).contains("the JPEG lost data"));
+}
+
+const EXPOSURE_MODE: u32 = 0x009a_0901;
+const EXPOSURE_TIME: u32 = 0x009a_0902;
+const AUTOMATIC_GAIN: u32 = 0x0098_0912;
+const GAIN: u32 = 0x0098_0913;
+
+/// A webcam: exposure of 0.3 to 200 ms, automatic by aperture priority alone.
+fn webcam() -> FakeHost {
+    let host = FakeHost::of(GREY);
+    let range = |least, most| ControlRange { least, most };
+    host.world().controls = vec![
+        (EXPOSURE_MODE, range(0, 3), vec![0, 2]),
+        (EXPOSURE_TIME, range(3, 2000), vec![]),
+        (AUTOMATIC_GAIN, range(0, 1), vec![]),
+        (GAIN, range(0, 64), vec![]),
+    ];
+    host
+}
+
+/// What is set in a camera, or why it is not.
+fn set_in(host: &FakeHost, exposure: &str, gain: &str) -> Result<Vec<(u32, i32)>, String> {
+    let parse = |text: &str| (!text.is_empty()).then(|| text.parse::<CameraSetting>().unwrap());
+    let settings = CameraSettings { exposure: parse(exposure), gain: parse(gain) };
+    host.world().set.clear();
+    match host.try_open(RequestedMode { settings, ..REQUESTED }) {
+        Ok(_) => Ok(host.world().set.clone()),
+        Err(error) => {
+            assert_eq!(error.kind(), SourceErrorKind::BadArguments);
+            Err(format!("{error:#}"))
+        }
+    }
+}
+
+#[test]
+fn exposure_and_gain_are_set_by_the_controls_that_a_camera_has_and_are_else_left_alone() {
+    let host = webcam();
+    assert_eq!(set_in(&host, "", ""), Ok(vec![]));
+    assert_eq!(set_in(&host, "auto", "auto"), Ok(vec![(EXPOSURE_MODE, 3), (AUTOMATIC_GAIN, 1)]));
+    let manual = vec![(EXPOSURE_MODE, 1), (EXPOSURE_TIME, 80), (AUTOMATIC_GAIN, 0), (GAIN, 16)];
+    assert_eq!(set_in(&host, "8000", "16"), Ok(manual));
+    host.world().controls.retain(|(id, ..)| [EXPOSURE_TIME, GAIN].contains(id));
+    assert_eq!(set_in(&host, "8040", "16"), Ok(vec![(EXPOSURE_TIME, 80), (GAIN, 16)]));
+}
+
+#[test]
+fn a_missing_control_and_a_value_out_of_range_are_refused() {
+    let host = webcam();
+    let refused = |exposure, gain| set_in(&host, exposure, gain).unwrap_err();
+    for (exposure, gain, expected) in [
+        ("100", "", "it takes exposure times from 300 to 200000 \u{b5}s, not 100 \u{b5}s"),
+        ("4000000000", "", "to 200000 \u{b5}s, not 4000000000"),
+        ("", "65", "it takes gains from 0 to 64, not 65"),
+        ("", "4000000000", "it takes gains from 0 to 64"),
+    ] {
+        let error = refused(exposure, gain);
+        assert!(error.contains(expected), "{error}");
+    }
+    host.world().controls.clear();
+    for (exposure, gain, expected) in [
+        ("auto", "", "it has no control for automatic exposure"),
+        ("8000", "", "it has no control for the exposure time"),
+        ("", "auto", "it has no control for automatic gain"),
+        ("", "1", "it has no control for gain"),
+    ] {
+        let error = refused(exposure, gain);
+        assert!(error.contains(expected), "{error}");
+    }
+}
+
+#[test]
+fn a_camera_that_is_plugged_in_again_is_set_again() {
+    let host = webcam();
+    let settings = CameraSettings { gain: Some(CameraSetting::Value(7)), ..CameraSettings::UNCHANGED };
+    let mut video = host.try_open(RequestedMode { settings, ..REQUESTED }).unwrap();
+    host.unplug();
+    host.plug_in(vec![one(GREY, SIZE, 30.0)]);
+    host.world().set.clear();
+    while host.world().tries.len() < 2 {
+        assert!(matches!(next(&mut video), Err(Fill::Nothing)));
+    }
+    assert!(host.world().set.contains(&(GAIN, 7)));
+}
+
+#[test]
+fn planes_that_were_joined_are_read_as_one_image() {
+    for (letters, format) in
+        [(b"NM12", PixelFormat::Nv12), (b"NM21", PixelFormat::Nv12), (b"YM12", PixelFormat::Nv12)]
+    {
+        let host = FakeHost::of(FourCc::new(letters));
+        let mut video = awake(&host);
+        host.shoot((0..12).collect::<Vec<u8>>());
+        let mut frame = Frame::default();
+        assert!(matches!(video.fill(&mut frame), Fill::Frame));
+        assert_eq!((frame.size, frame.format), (SIZE, Some(format)));
+        assert_eq!(frame.view().unwrap().bytes()[..8], [0, 1, 2, 3, 4, 5, 6, 7]);
+    }
 }
