@@ -51,7 +51,11 @@ fn camera() -> Camera {
 }
 
 fn mount(height_m: f64, pitch_deg: f64) -> Mount {
-    Mount::new([0.0, 0.0, height_m], [0.0, pitch_deg.to_radians(), 0.0]).unwrap()
+    rolled(height_m, pitch_deg, 0.0)
+}
+
+fn rolled(height_m: f64, pitch_deg: f64, roll_deg: f64) -> Mount {
+    Mount::new([0.0, 0.0, height_m], [roll_deg.to_radians(), pitch_deg.to_radians(), 0.0]).unwrap()
 }
 
 /// Depth and labels as the camera sees the scene.
@@ -137,12 +141,11 @@ fn count(found: &Obstacles, state: SectorState) -> usize {
 fn an_empty_floor_is_free_up_to_the_range() {
     for found in obstacles(mount(0.25, -4.0), &[GROUND]) {
         assert!(found.ground.is_refined && found.ground.slope_deg() < 0.1, "{:?}", found.ground);
-        assert_eq!(count(&found, SectorState::Free), 72);
-        assert!(
-            found.sectors.iter().all(|sector| (4.0..5.1).contains(&sector.range_m)),
-            "{:?}",
-            found.sectors
-        );
+        // The camera looks up: near the robot, a part of the outermost sectors is out of view.
+        let (edges, inner) = ([found.sectors[0], found.sectors[71]], &found.sectors[1..71]);
+        assert_eq!(edges.map(|sector| sector.state()), [SectorState::Unknown; 2]);
+        assert_eq!(count(&found, SectorState::Free), 70);
+        assert!(inner.iter().all(|sector| (4.0..5.1).contains(&sector.range_m)), "{inner:?}");
         assert!(found.sectors.iter().all(|sector| (0.5..1.0).contains(&sector.seen_from_m)));
         assert_eq!(found.points, []);
     }
@@ -161,13 +164,54 @@ fn boxes_before_a_wall_are_found_where_they_are() {
             check_sectors(&found, &scene);
             let occupied = count(&found, SectorState::Occupied);
             // A camera that looks down sees only floor in its lower corners.
-            assert!(occupied >= if pitch_deg < 10.0 { 70 } else { 20 }, "{height_m} m: {occupied} sectors");
+            assert!(occupied >= if pitch_deg < 10.0 { 68 } else { 20 }, "{height_m} m: {occupied} sectors");
             let near = found.sectors.iter().filter(|sector| sector.obstacle_m < 1.9).count();
             assert!(near >= 15, "{height_m} m, {pitch_deg} degrees: {near} sectors see the boxes");
             assert!(!found.points.is_empty() && found.points.len() <= 5000);
             assert!(found.points.iter().all(|point| (0.04..1.85).contains(&point.height)));
         }
     }
+}
+
+#[test]
+fn no_sector_is_free_past_a_box_that_is_partly_out_of_view() {
+    let mounts = [
+        mount(0.3, -6.0),
+        mount(0.4, 12.0),
+        mount(0.9, 30.0),
+        rolled(0.5, 10.0, 8.0),
+        rolled(0.8, 20.0, -15.0),
+        rolled(0.4, 5.0, 25.0),
+        rolled(0.5, 10.0, 90.0),
+        Mount::new([0.1, 0.15, 0.4], [0.0, 0.2, 0.1]).unwrap(),
+    ];
+    for mount in mounts {
+        let mut detector = detector(mount, ObstacleOptions::default());
+        let (first_rad, step_rad) = (detector.last().angle_min_rad, detector.last().angle_step_rad);
+        let sectors = [0.3, 0.7, 1.5, 4.2].into_iter().flat_map(|edge| [edge, 72.0 - edge]);
+        let angles = sectors.map(|sector| f64::from(first_rad) + f64::from(step_rad) * sector);
+        let places = angles.flat_map(|angle| [0.6, 1.0, 1.8, 3.3].map(|range_m| (angle, range_m)));
+        for (angle, range_m) in places {
+            let (x, y, half) = (range_m * angle.cos(), range_m * angle.sin(), 0.02 + 0.02 * range_m);
+            let small = Block::new((x - half, x + half), (y - half, y + half), (0.0, 0.1), TABLE);
+            let (depth_m, _) = render(&mount, &[GROUND, small]);
+            let image = DepthImage { depth_m: &depth_m, labels: None, confidence: None };
+            check_sectors(detector.detect(&image, 0).unwrap(), &[GROUND, small]);
+        }
+    }
+}
+
+#[test]
+fn sectors_at_the_edge_of_the_view_are_free_as_far_as_their_whole_width_is_in_view() {
+    let [found, _] = obstacles(mount(0.9, 30.0), &[GROUND]);
+    let ranges: Vec<f32> = found.sectors.iter().map(|sector| sector.range_m).collect();
+    assert!(ranges[..12].is_sorted() && ranges[60..].is_sorted_by(|a, b| a >= b), "{ranges:?}");
+    assert!(
+        ranges[1] < 1.0 && ranges[70] < 1.0 && ranges[12..60].iter().all(|range_m| *range_m > 4.0),
+        "{ranges:?}"
+    );
+    assert!(found.sectors[12..60].iter().all(|sector| sector.state() == SectorState::Free));
+    assert_eq!([0, 71].map(|edge| found.sectors[edge].state()), [SectorState::Unknown; 2]);
 }
 
 #[test]
@@ -263,7 +307,7 @@ fn glass_is_unknown_and_a_window_in_a_wall_is_wall() {
     let wall = Block::new((3.0, 3.1), (-9.0, 9.0), (0.0, 2.5), WALL);
     let window = Block::new((2.99, 3.0), (-0.5, 0.5), (0.8, 2.0), WINDOW);
     let [found, _] = obstacles(mount(0.25, -4.0), &[GROUND, wall, window]);
-    assert_eq!(count(&found, SectorState::Occupied), 72);
+    assert_eq!(count(&found, SectorState::Occupied), 70, "all but the outermost");
     let screen = Block::new((1.2, 1.25), (-0.5, 0.5), (0.5, 1.0), 10);
     let [found, _] = obstacles(mount(0.25, -10.0), &[GROUND, wall, screen]);
     assert_eq!(found.sectors[36].state(), SectorState::Unknown, "a hanging screen");
@@ -280,7 +324,7 @@ fn pixels_without_depth_are_never_free() {
     let image = DepthImage { depth_m: &depth_m, labels: Some(&labels), confidence: None };
     let found = detector.detect(&image, 0).unwrap();
     let states: Vec<_> = found.sectors.iter().map(ObstacleSector::state).collect();
-    assert!(states[..34].iter().all(|state| *state == SectorState::Free), "right half");
+    assert!(states[1..34].iter().all(|state| *state == SectorState::Free), "right half");
     assert!(states[38..].iter().all(|state| *state == SectorState::Unknown), "left half");
 }
 

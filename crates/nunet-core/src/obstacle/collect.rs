@@ -1,10 +1,11 @@
-//! Collects the samples of obstacles: for the sectors, and reduced as points.
+//! Collects the samples of obstacles, as hits for the sectors and as reduced points.
 
 use super::DepthImage;
 use super::directions::Hit;
 use super::kind::SampleKind;
 use super::scan::Line;
-use super::view::{NONE, View};
+use super::sectors::NONE;
+use super::view::View;
 use super::voxels::{Key, Voxels};
 
 /// Collects the samples of obstacles. Allocates once.
@@ -20,7 +21,7 @@ pub(super) struct Collector {
     ranges_m: Vec<f32>,
     /// The columns of a row's solid samples.
     solid: Vec<u16>,
-    /// For each column the cube of its last point: the next point below is mostly in the same one.
+    /// For each column, the cube of its last point. The next point below is mostly in the same cube.
     last_cubes: Vec<usize>,
 }
 
@@ -103,7 +104,7 @@ impl Collector {
     }
 }
 
-/// Computes the key of each point for cubes of an edge. As a whole row, because this loop is vectorized.
+/// Computes the key of each point, for cubes with this edge. Takes a whole row, because this loop is vectorized.
 fn find_keys(keys: &mut [Key], points: &[[f32; 4]], edge_m: f32) {
     for (key, &[x, y, z, _]) in keys.iter_mut().zip(points) {
         *key = Key::at([x, y, z], edge_m);

@@ -1,4 +1,4 @@
-//! Each direction: the nearest obstacle, and how far the floor is free.
+//! For each direction, finds the nearest obstacle and how far the floor is free.
 
 use nunet_types::{NO_LABEL, ObstacleSector, SectorState};
 
@@ -7,7 +7,7 @@ use super::view::{Cell, View};
 
 /// Points of an obstacle are at most this much farther than its nearest one, meters.
 const DEPTH_OF_OBSTACLE_M: f32 = 0.3;
-/// Free floor may end this much before the obstacle that ends it, meters; and this many cells.
+/// Free floor may end before its obstacle by this many meters plus this many cells.
 const GAP_M: f32 = 0.1;
 const GAP_CELLS: f32 = 3.0;
 
@@ -16,7 +16,7 @@ const GAP_CELLS: f32 = 3.0;
 pub(super) struct Hit {
     pub(super) range_m: f32,
     pub(super) height_m: f32,
-    /// 16 bits keep the list of all hits small.
+    /// 16 bits, to keep the list of all hits small.
     pub(super) sector: u16,
     pub(super) label: u8,
     pub(super) is_deceptive: bool,
@@ -28,6 +28,13 @@ struct FreeFloor {
     /// Distance of its farthest point, meters; 0 without any.
     free_m: f32,
     end: End,
+}
+
+impl FreeFloor {
+    /// Only up to a distance, meters. Beyond, a side of the sector is out of view.
+    fn within(self, until_m: f32) -> Self {
+        if self.free_m > until_m { Self { free_m: until_m, end: End::OutOfRange } } else { self }
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,7 +71,10 @@ pub(super) fn fill(view: &View, votes: &[Votes], hits: &[Hit], sectors: &mut [Ob
     for (index, sector) in sectors.iter_mut().enumerate() {
         let cells = view.cells_of(index);
         let floor = free_floor(&view.cells[cells.clone()], &votes[cells.clone()]);
-        sector.seen_from_m = view.cells[cells].first().map_or(f32::NAN, |cell| cell.near_m);
+        let near_m = view.cells[cells].first().map_or(f32::NAN, |cell| cell.near_m);
+        let in_view = view.extents[index].limit(near_m, view.cell_growth);
+        sector.seen_from_m = in_view.from_m;
+        let floor = floor.within(in_view.until_m);
         let (state, range_m) = conclude(sector, floor, view.cell_growth);
         (sector.state, sector.range_m) = (state.into(), range_m);
     }
@@ -88,13 +98,13 @@ fn free_floor(cells: &[Cell], votes: &[Votes]) -> FreeFloor {
 
 /// The state of a sector, and up to where it is free, meters.
 ///
-/// The nearest point decides. An obstacle counts only if the floor is free up to it: with anything unseen in between, the
-/// direction is unknown from there on.
+/// The nearest point decides. An obstacle counts only if the floor is free up to it. Otherwise the direction is unknown from
+/// the end of the free floor on.
 fn conclude(sector: &ObstacleSector, floor: FreeFloor, cell_growth: f32) -> (SectorState, f32) {
     let seen_from_m = if sector.seen_from_m.is_nan() { f32::INFINITY } else { sector.seen_from_m };
     let deceptive_m = sector.range_m;
     let FreeFloor { free_m, end } = floor;
-    // Below the image no floor is visible, so there an obstacle counts without floor before it.
+    // No floor is visible below the image. An obstacle there counts without floor before it.
     let known_m = free_m.max(seen_from_m);
     let obstacle_m = if sector.obstacle_m.is_nan() { f32::INFINITY } else { sector.obstacle_m };
     let gap_m = GAP_M + GAP_CELLS * cell_growth * obstacle_m.min(100.0).powi(2);
@@ -183,6 +193,15 @@ mod tests {
         assert_eq!(walk(&[(4, 4, 0), (4, 0, 4), (4, 4, 0)]).end, End::Covered, "one cell is no drop");
         assert_eq!(walk(&[(4, 1, 0)]), FreeFloor { free_m: 0.0, end: End::Covered });
         assert_eq!(walk(&[]), FreeFloor { free_m: 0.0, end: End::OutOfRange });
+    }
+
+    #[test]
+    fn free_floor_is_cut_where_a_side_of_the_sector_leaves_the_view() {
+        let floor = FreeFloor { free_m: 2.0, end: End::Drop };
+        assert_eq!(floor.within(1.5), FreeFloor { free_m: 1.5, end: End::OutOfRange });
+        assert_eq!(floor.within(f32::INFINITY), floor);
+        let nothing = floor.within(0.0);
+        assert_eq!(conclude(&ObstacleSector::UNKNOWN, nothing, 0.01).0, SectorState::Unknown);
     }
 
     fn state(obstacle_m: f32, deceptive_m: f32, free_m: f32, end: End) -> (SectorState, f32) {

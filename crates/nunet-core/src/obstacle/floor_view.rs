@@ -1,14 +1,14 @@
-//! The floor as depth shows it, whatever the mount says: tells a wrong mount from an unusual scene.
+//! The floor as depth shows it, regardless of the mount. Distinguishes a wrong mount from an unusual scene.
 //!
 //! A plane through three floor points is tried many times, and the one that most points agree with is refined by least
-//! squares. A point agrees if its depth is off by a small share. Only frames that contradict the mount are looked at, so
-//! this may take a millisecond.
+//! squares. A point agrees if its depth is off by a small share. It runs only for frames that contradict the mount, so
+//! it may take a millisecond.
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::Mount;
 
-/// Points that are looked at, at most.
+/// The largest number of points that are used.
 pub(super) const MAX_POINTS: usize = 1000;
 const MIN_POINTS: usize = 100;
 const TRIALS: usize = 80;
@@ -19,7 +19,7 @@ const MIN_AGREEING: f32 = 0.6;
 /// How far the normal of a floor may be from the image's vertical, as a cosine: 70 degrees. A wall ahead has 90.
 const MIN_COSINE: f32 = 0.34;
 /// The mount is wrong if the floor is inclined by more than this, radians, or if the heights differ by this factor.
-/// Networks are off by less: some draw all depth twice too far.
+/// Networks are off by less; for some, all depth is twice too far.
 const MAX_ANGLE_RAD: f32 = 0.14;
 const MAX_FACTOR: f32 = 3.0;
 

@@ -1,18 +1,18 @@
 //! The ground: a plane near the expected one.
 //!
-//! The mount says where the floor is. This module corrects the rest: vibration, a soft tire, a ramp. Candidates are
-//! the samples near the expected floor (labeled floor, if there are labels). A plane is fitted by iteratively reweighted
-//! least squares (Tukey's weights) while the gate shrinks. A weak prior pulls towards the expected plane where the
-//! candidates say little. A result that is too steep, too far off, or has too few inliers is rejected: the expected
-//! plane stays. So the plane cannot lock onto a table.
+//! The mount says where the floor is. This module corrects small deviations, such as vibration, a soft tire or a ramp.
+//! Candidates are the samples near the expected floor (labeled floor, if there are labels). A plane is fitted by
+//! iteratively reweighted least squares (Tukey's weights) while the gate shrinks. A weak prior pulls towards the
+//! expected plane if the candidates do not determine the plane. A result that is too steep, too far off, or has too few
+//! inliers is rejected, and the expected plane is used. So the plane cannot lock onto a table.
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Mount, ObstacleOptions};
 
-/// Candidates at most.
+/// The largest number of candidates.
 pub(super) const MAX_CANDIDATES: usize = 4096;
-/// Fewer candidates are not fitted.
+/// With fewer candidates, no plane is fitted.
 const MIN_CANDIDATES: usize = 40;
 const ROUNDS: i32 = 6;
 /// The first gate: meters, and meters per meter of distance.
@@ -76,7 +76,7 @@ pub(super) struct GroundFit {
 #[derive(Debug, Clone, Copy)]
 struct Candidate {
     point: [f32; 3],
-    /// From the base's origin along the floor, meters: each round needs it.
+    /// From the base's origin along the floor, meters. Used in each round.
     distance_m: f32,
 }
 

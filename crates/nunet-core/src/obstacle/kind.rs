@@ -1,11 +1,11 @@
-//! What a sample shows: by its height above ground, its distance and its role.
+//! Classifies a sample by its height above ground, its distance and its role.
 
 use super::role::Role;
 use super::{Ground, ObstacleOptions};
 
-/// A refined ground may be off by this slope (0.25 degrees), the expected one by four times as much.
-const SLOPE_ERROR: f32 = 0.0044;
-/// What is deeper than this below the ground is missing floor: meters, and share of the camera's height.
+/// The slope error of a refined ground (0.25 degrees). The expected ground has four times as much.
+pub(super) const SLOPE_ERROR: f32 = 0.0044;
+/// Samples deeper below the ground than this are missing floor: meters, plus a share of the camera's height.
 const DROP_M: f32 = 0.08;
 const DROP_SHARE: f32 = 0.08;
 
@@ -59,7 +59,7 @@ impl Bounds {
 
     /// All comparisons with NaN are false, so that a sample without depth shows nothing.
     ///
-    /// Chooses without branches, later rules over earlier ones: a `match` is not vectorized.
+    /// Later rules override earlier ones, without branches. A `match` would not be vectorized.
     #[inline]
     pub(super) fn kind(&self, height_m: f32, depth_m: f32, range_squared: f32, role: Role) -> SampleKind {
         let error_m = self.slope_error * depth_m;

@@ -47,6 +47,7 @@
 mod collect;
 mod directions;
 mod error;
+mod extent;
 mod floor_view;
 mod ground;
 mod kind;
@@ -54,6 +55,7 @@ mod mount;
 mod options;
 mod role;
 mod scan;
+mod sectors;
 mod view;
 mod voxels;
 

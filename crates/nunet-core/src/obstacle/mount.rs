@@ -36,7 +36,8 @@ impl Mount {
     /// down.
     ///
     /// # Errors
-    /// Numbers that are not finite, angles beyond a turn, a camera that is not above the floor, or one that looks up by more than 80 degrees.
+    /// Numbers that are not finite, angles beyond a turn, a camera that is not above the floor, or one that looks up by more than
+    /// 80 degrees.
     pub fn new(position_m: [f64; 3], roll_pitch_yaw_rad: [f64; 3]) -> Result<Self, ObstacleError> {
         let [x, y, z] = position_m;
         let [roll, pitch, yaw] = roll_pitch_yaw_rad;

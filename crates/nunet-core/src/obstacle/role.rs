@@ -7,7 +7,7 @@ pub(crate) enum Role {
     Floor,
     /// Above every robot.
     Ceiling,
-    /// Depth from one image is not reliable: it sees through or a reflection.
+    /// Depth from one image is not reliable, because the surface is transparent or reflects.
     Deceptive,
     /// Everything else.
     Other,
@@ -44,7 +44,7 @@ impl Role {
 #[derive(Debug, Clone)]
 pub(crate) struct Roles {
     by_label: [Role; 256],
-    /// Whether any class is floor: without one, floor is known by geometry alone.
+    /// Whether any class is floor. If not, floor is recognized by geometry alone.
     pub(crate) has_floor: bool,
 }
 

@@ -1,13 +1,15 @@
-//! One pass over the samples: which show floor, which an obstacle, and what each cell of the floor shows.
+//! Classifies all samples in one pass, and counts what each cell of the floor shows.
 
 use super::kind::{Bounds, SampleKind};
 use super::role::{Role, Roles};
-use super::view::{NONE, View};
+use super::sectors::NONE;
+use super::view::View;
 use super::{DepthImage, Ground};
 
 /// Neighbors whose depth differs by less than this share lie on the same surface.
 const SAME_SURFACE: f32 = 0.05;
-/// Steps to both neighbors of a line by more than this share, in the same direction, are an edge that depth flows over.
+/// If the steps to both neighbors of a line are larger than this share and have the same direction, the sample is on a
+/// blurred depth edge.
 const FLYING_STEP: f32 = 0.06;
 /// Neighbors on the same surface that a sample needs.
 const MIN_SUPPORT: u32 = 2;
@@ -23,10 +25,10 @@ pub(super) struct Votes {
 
 /// The samples of one frame. Allocates once.
 ///
-/// Works row by row, in loops without branches over slices of the same length: these are vectorized.
+/// Works row by row, in loops without branches over slices of the same length, because these are vectorized.
 #[derive(Debug, Clone)]
 pub(super) struct Scan {
-    /// Depth of each sample, meters, with a border of NaN around: a sample at the edge has four neighbors, too.
+    /// Depth of each sample, meters, with a border of NaN, so that samples at the edge have four neighbors too.
     depth_m: Vec<f32>,
     pub(super) votes: Vec<Votes>,
     pub(super) line: Line,
@@ -36,11 +38,11 @@ pub(super) struct Scan {
     rows: usize,
 }
 
-/// What is known of the row at hand.
+/// The values of the current row.
 #[derive(Debug, Clone)]
 pub(super) struct Line {
     pub(super) kinds: Vec<SampleKind>,
-    /// x, y, z in the base frame, and height above ground, meters: together, as the cubes have them.
+    /// x, y, z in the base frame, and height above ground, meters. In one array, because the cubes need all four.
     pub(super) points: Vec<[f32; 4]>,
     /// The squares of the distances from the base's origin, square meters.
     pub(super) ranges_squared: Vec<f32>,
@@ -95,7 +97,7 @@ impl Scan {
         self.votes.fill(Votes::default());
     }
 
-    /// Says what each sample of a row shows, and counts the cells' votes. Returns whether any is solid.
+    /// Classifies each sample of a row, and counts the votes of the cells. Returns whether any sample is solid.
     pub(super) fn classify_row(
         &mut self,
         row: usize,
@@ -171,8 +173,8 @@ impl Scan {
         }
     }
 
-    /// Removes samples that do not lie on a surface from the obstacles: too few neighbors have almost the same depth, or
-    /// it is on the slope that networks draw between a near and a far surface.
+    /// Removes samples from the obstacles that do not lie on a surface: those with too few neighbors of almost the same depth,
+    /// and those on a blurred edge between a near and a far surface.
     #[allow(clippy::needless_range_loop, reason = "several slices at once; zips are not vectorized as well")]
     fn remove_unsupported(&mut self, row: usize) {
         let (columns, pitch) = (self.columns, self.columns + 2);
@@ -221,7 +223,7 @@ fn is_supported(steps: [f32; 4]) -> bool {
     (support >= MIN_SUPPORT) & !flies(left, right) & !flies(above, below)
 }
 
-/// Whether a line of three samples runs through an edge that depth flows over.
+/// Whether a line of three samples crosses a blurred depth edge.
 #[inline]
 fn flies(before: f32, after: f32) -> bool {
     // `min` returns the number if the other one is NaN.

@@ -1,21 +1,20 @@
-//! What each sampled pixel sees of the base frame: computed once per camera and mount.
+//! Where each sampled pixel looks in the base frame. Computed once per camera and mount.
 //!
 //! The floor is divided into cells as the camera sees them: by sector, and within a sector by the tangent of the angle
-//! below the horizon, so that every cell has a few pixels near and far. Whether a direction is free is decided cell by
-//! cell, from near to far: each must show floor.
+//! below the horizon, so that every cell has a few pixels near and far. A direction is free as far as its cells show
+//! floor, from near to far.
 
 use std::f32::consts::{PI, TAU};
 
 use nalgebra::Vector3;
 
+use super::extent::{Extent, Plane, extents};
 use super::ground::MAX_CANDIDATES;
+use super::sectors::{NONE, Sample, Sectors};
 use super::{Mount, ObstacleOptions};
 use crate::camera::RayTable;
 
-/// A sample without a cell, or without a sector.
-pub(super) const NONE: u32 = u32::MAX;
-
-/// Samples per row and per column at most: 640x480 is sampled at every second column and row.
+/// The largest number of samples per row. 640x480 is sampled at every second column and row.
 const MAX_SAMPLES_PER_ROW: u32 = 320;
 
 /// Height of a cell, in samples.
@@ -24,18 +23,9 @@ const CELL_SAMPLES: f32 = 2.0;
 /// Floor nearer to the camera than its height divided by this is one cell.
 const MAX_TANGENT: f32 = 4.0;
 
-/// Of a camera that sees no floor, rays above this elevation do not widen the field of view: near the zenith the azimuth
-/// means nothing.
+/// If a camera sees no floor, rays above this elevation do not widen the field of view, because near the zenith the azimuth is
+/// undefined.
 const MAX_ELEVATION_TANGENT: f32 = 1.0;
-
-/// A sampled pixel, while the view is computed.
-#[derive(Debug, Clone, Copy)]
-struct Sample {
-    /// The point at depth 1, relative to the camera, in the base frame; NaN for a pixel without a ray.
-    direction: [f32; 3],
-    cell: u32,
-    sector: u32,
-}
 
 /// A piece of floor, seen by some samples.
 #[derive(Debug, Clone, Copy)]
@@ -46,54 +36,9 @@ pub(super) struct Cell {
     pub(super) near_m: f32,
 }
 
-/// The directions of the sectors.
-#[derive(Debug, Clone)]
-pub(super) struct Sectors {
-    pub(super) angle_min_rad: f32,
-    pub(super) angle_step_rad: f32,
-    /// Unit vectors of the boundaries, one more than sectors.
-    boundaries: Vec<[f32; 2]>,
-}
-
-impl Sectors {
-    fn new(angle_min_rad: f32, angle_max_rad: f32, count: usize) -> Self {
-        let angle_step_rad = (angle_max_rad - angle_min_rad) / count as f32;
-        let boundary = |index: usize| {
-            let (sin, cos) = (angle_min_rad + index as f32 * angle_step_rad).sin_cos();
-            [cos, sin]
-        };
-        Self { angle_min_rad, angle_step_rad, boundaries: (0..=count).map(boundary).collect() }
-    }
-
-    pub(super) fn count(&self) -> usize {
-        self.boundaries.len() - 1
-    }
-
-    /// The sector of a direction, computed; [`NONE`] outside the field of view.
-    fn at(&self, x: f32, y: f32) -> u32 {
-        let angle = (y.atan2(x) - self.angle_min_rad).rem_euclid(TAU);
-        let index = (angle / self.angle_step_rad) as usize;
-        if index < self.count() { index as u32 } else { NONE }
-    }
-
-    /// The sector of a point, searched from `guess` on: almost always the guess itself, without an arc tangent.
-    #[inline]
-    pub(super) fn find(&self, [x, y]: [f32; 2], guess: u32) -> u32 {
-        let index = guess as usize;
-        if index < self.count() {
-            let left_of = |[cos, sin]: [f32; 2]| cos * y - sin * x >= 0.0;
-            let ahead = self.boundaries[index][0] * x + self.boundaries[index][1] * y > 0.0;
-            if ahead & left_of(self.boundaries[index]) & !left_of(self.boundaries[index + 1]) {
-                return guess;
-            }
-        }
-        self.at(x, y)
-    }
-}
-
 /// All samples of a camera's image, and the cells of the floor.
 ///
-/// What each frame needs of a sample is in one array a value, row by row, so that loops over rows are vectorized.
+/// Each value of the samples has an array of its own, row by row, so that loops over rows are vectorized.
 #[derive(Debug, Clone)]
 pub(super) struct View {
     /// Pixels of a row of the image.
@@ -115,6 +60,8 @@ pub(super) struct View {
     pub(super) cells: Vec<Cell>,
     /// The cells of each sector: from this index to the next one.
     pub(super) first_cells: Vec<u32>,
+    /// Between which distances the whole width of each sector is in view.
+    pub(super) extents: Vec<Extent>,
     pub(super) sectors: Sectors,
     /// Meters between the floor of two cells, divided by the square of their distance.
     pub(super) cell_growth: f32,
@@ -135,7 +82,11 @@ impl View {
         let mut samples: Vec<Sample> = directions.map(sample).collect();
         let sectors = field_of_view(&samples, mount, options);
         let height_m = mount.height_m() as f32;
-        let step = CELL_SAMPLES * pitch(&samples, columns);
+        let pitch_rad = pitch(&samples, columns);
+        let step = CELL_SAMPLES * pitch_rad;
+        let cell_growth = step / height_m;
+        let plane = Plane::new(mount, options, pitch_rad);
+        let extents = extents(&samples, columns, &sectors, &plane, cell_growth);
         let mut view = Self {
             width,
             stride,
@@ -147,8 +98,9 @@ impl View {
             ground_samples: Vec::new(),
             cells: Vec::new(),
             first_cells: Vec::new(),
+            extents,
             sectors,
-            cell_growth: step / height_m,
+            cell_growth,
         };
         view.divide_floor(&mut samples, mount, options.max_range_m, step);
         view.directions = [0, 1, 2].map(|axis| samples.iter().map(|sample| sample.direction[axis]).collect());
@@ -213,7 +165,8 @@ impl View {
     }
 }
 
-/// The sectors over all azimuths in which the camera sees floor within range; in which it sees anything if there is none.
+/// The sectors cover all azimuths in which the camera sees floor within range. If it sees no floor, they cover all azimuths
+/// in which it sees anything.
 fn field_of_view(samples: &[Sample], mount: &Mount, options: &ObstacleOptions) -> Sectors {
     let axis = mount.direction([0.0, 0.0, 1.0]);
     let yaw = (axis.y as f32).atan2(axis.x as f32);
@@ -238,7 +191,7 @@ fn field_of_view(samples: &[Sample], mount: &Mount, options: &ObstacleOptions) -
     Sectors::new(yaw + min, yaw + max.max(min + narrowest), options.sectors)
 }
 
-/// The angle between neighboring samples of a column, radians: the median.
+/// The median angle between neighboring samples of a column, radians.
 fn pitch(samples: &[Sample], columns: usize) -> f32 {
     let below = samples.iter().skip(columns);
     let mut angles: Vec<f32> = samples

@@ -1,21 +1,21 @@
-//! Fewer points: one for each occupied cube of space.
+//! Reduces points to one for each occupied cube of space.
 
 use nunet_types::ObstaclePoint;
 
-/// Length of a cube's edge at first, meters.
+/// The initial length of a cube's edge, meters.
 const EDGE_M: f32 = 0.05;
 /// By how much edges grow while there are too many points.
 const GROWTH: f32 = 1.5;
-/// Edges end to grow here: the cubes around the origin are never merged.
+/// The largest edge. The cubes around the origin are never merged, so edges could grow without end.
 const MAX_EDGE_M: f32 = 100.0;
-/// Cubes at most while points are added; a power of two.
+/// The largest number of cubes while points are added; a power of two.
 const CAPACITY: usize = 1 << 14;
 /// Twice as many slots as cubes keep searches short.
 const SLOTS: usize = 2 * CAPACITY;
 /// A slot is a key in the upper 48 bits and the cube's index, which is less than `CAPACITY`, in the lower 16.
 const EMPTY: u64 = u64::MAX;
 
-/// Where a cube is, in edges from the base's origin: three numbers of 16 bits.
+/// The place of a cube: three numbers of 16 bits, in edges from the base's origin.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Key(u64);
 
@@ -37,7 +37,7 @@ pub(super) struct Voxels {
     cubes: Vec<Cube>,
     /// The cubes before they are merged into larger ones.
     smaller: Vec<Cube>,
-    /// Found by a hash of the key, or in the next slots.
+    /// A hash table with open addressing: a cube is in the slot of its key's hash, or in one of the next slots.
     slots: Vec<u64>,
 }
 
@@ -98,7 +98,7 @@ impl Voxels {
     /// The index of the cube at `key`. The label of its first point stays.
     fn find_or_insert(&mut self, key: Key, label: u8) -> usize {
         let mut slot = key.hash() % SLOTS;
-        // Ends, because at most half of the slots are in use.
+        // This loop ends, because at most half of the slots are in use.
         while self.slots[slot] != EMPTY {
             if self.slots[slot] >> 16 == key.0 {
                 return usize::from(self.slots[slot] as u16);
