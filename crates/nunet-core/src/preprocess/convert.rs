@@ -1,11 +1,11 @@
-//! Other pixel formats to RGB, at the same size.
+//! Converts pixel formats to RGB, at the same size.
 
 use nunet_types::ImageSize;
 use yuv::{YuvBiPlanarImage, YuvConversionMode, YuvPackedImage, YuvRange, YuvStandardMatrix};
 
 use crate::frame::{ImageView, PixelFormat};
 
-/// What webcams send: the default of drivers for YUV without a color space.
+/// The color space of webcams: the default of drivers for YUV without a stated one.
 const RANGE: YuvRange = YuvRange::Limited;
 const MATRIX: YuvStandardMatrix = YuvStandardMatrix::Bt601;
 

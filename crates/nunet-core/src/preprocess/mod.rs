@@ -1,4 +1,5 @@
-//! From a camera's image to the network's: unchanged if it fits, else converted and resized into a buffer of our own.
+//! Makes the network's image from a camera's image. An image that fits is used in place. Others are converted and
+//! resized into an own buffer.
 
 mod convert;
 mod resize;
@@ -22,7 +23,7 @@ pub struct Prepared<'a> {
 
 /// Converts images of any size and format to RGB images of one size.
 ///
-/// Its own image keeps one address, so that a binding to it can be kept.
+/// The address of its own image never changes, so that a binding to it can be kept.
 #[derive(Debug)]
 pub struct Preprocessor {
     width: u32,
@@ -31,7 +32,7 @@ pub struct Preprocessor {
     view: Option<PixelRect>,
     /// The result: RGB at the network's size.
     rgb: Vec<u8>,
-    /// Between two steps: the camera's image as RGB, or a gray one at the network's size.
+    /// The intermediate image: the camera's image as RGB, or a gray one at the network's size.
     between: Vec<u8>,
     resize_rgb: Resizer<3>,
     resize_gray: Resizer<1>,
@@ -86,8 +87,8 @@ impl Preprocessor {
         fits && self.view.is_none() && frame.format() == PixelFormat::Rgb8 && frame.is_packed()
     }
 
-    /// As [`Self::fill`], from a part of the frame. A format that shares color between pixels is converted as a whole first, so
-    /// that a part may begin at any pixel.
+    /// As [`Self::fill`], from a part of the frame. The whole frame is converted first if pixels share color, because the
+    /// part may begin at any pixel.
     fn fill_from_part(&mut self, frame: &ImageView<'_>, view: PixelRect) -> usize {
         const WITHIN: &str = "the view was chosen for this size";
         if !matches!(frame.format(), PixelFormat::Yuyv | PixelFormat::Nv12) {
@@ -116,7 +117,7 @@ impl Preprocessor {
 
     /// Fills `rgb` from a frame of another size; returns the bytes written on the way.
     ///
-    /// Formats whose channels are independent are resized first: converting the smaller image is less work.
+    /// Formats with independent channels are resized first, because converting the smaller image is less work.
     fn resize(&mut self, frame: &ImageView<'_>) -> usize {
         let network_pixels = self.width as usize * self.height as usize;
         match frame.format() {

@@ -1,4 +1,4 @@
-//! Resizing to the network's size in one pass.
+//! Resizes images to the network's size in one pass.
 
 use std::fmt;
 use std::sync::Arc;
@@ -7,7 +7,7 @@ use pic_scale::{BufferStore, ImageSize, ImageStore, ImageStoreMut, Resampling, R
 
 use crate::frame::ImageView;
 
-/// Weighs a pixel by 2|t|^3 - 3t^2 + 1, where t is its distance in pixels of the coarser image: downsampling skips no
+/// Weights a pixel by 2|t|^3 - 3t^2 + 1, where t is its distance in pixels of the coarser image. Downsampling skips no
 /// pixel, and upsampling does not overshoot.
 ///
 /// `pic-scale`'s `Area` is four target pixels wide, and its `Bilinear` drops the last tap at most ratios, which shifts the
@@ -73,7 +73,7 @@ where
     }
 }
 
-/// `pic-scale` has a planning method for each number of channels; this is one name for two of them.
+/// One name for the planning methods of `pic-scale`, which has one for each number of channels.
 pub(super) trait Plan<const N: usize> {
     fn plan(&self, source: ImageSize, target: ImageSize) -> Arc<Resampling<u8, N>>;
 }

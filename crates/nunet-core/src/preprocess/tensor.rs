@@ -1,4 +1,4 @@
-//! The input of foreign networks: RGB bytes to normalized `f32`.
+//! Converts RGB bytes to normalized `f32`, the input of foreign networks.
 
 /// The order of a tensor's dimensions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

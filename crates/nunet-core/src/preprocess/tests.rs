@@ -1,4 +1,4 @@
-//! Preprocessing against hand-computed values and loops too plain to be wrong.
+//! Preprocessing, compared with hand-computed values and simple loops.
 
 use super::*;
 use proptest::prelude::*;
