@@ -164,6 +164,7 @@ def test_diagnostics_state_rates_losses_scale_and_provider(start: object, receiv
     assert int(values["published"]) > 0
     assert float(values["frames per second"]) > 0
     assert re.match(r"\d+$", values["ROS 2 messages not taken"])
+    assert {"depth drift, % per frame", "depth flicker, % per frame"} <= values.keys()
     assert values["self-test"] == "passed"
     daemon.stop()
 

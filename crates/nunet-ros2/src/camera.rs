@@ -14,7 +14,7 @@ use nunet_sink::record::RecordedFrame;
 use nunet_sink::results::Results;
 use nunet_sink::sink::{FinishingSink, Outcome, PublishedFrame, Sink, Status, Wants};
 use nunet_source::{Mailbox, Reuse, Taken};
-use nunet_telemetry::{Counts, MessageCounts, RateLimit};
+use nunet_telemetry::{Counts, MessageCounts, RateLimit, Stability};
 use tracing::{info, warn};
 
 use crate::frame_messages::FrameEncoder;
@@ -85,6 +85,9 @@ struct State {
     capture_unix_nanos: Option<i64>,
     total_micros: u32,
     scale: Option<Scale>,
+    /// `None` while it is unknown.
+    stability: Option<Stability>,
+    is_unstable: bool,
 }
 
 impl Shared {
@@ -137,6 +140,8 @@ impl Sink for Ros2Sink {
     fn on_status(&mut self, status: &Status<'_>) {
         let mut state = self.shared.state();
         (state.is_up, state.frames, state.fps) = (status.is_up, *status.counts, status.totals.fps());
+        let stability = &status.totals.stability;
+        (state.stability, state.is_unstable) = (stability.recent(), stability.is_unstable());
     }
 
     fn messages(&self) -> Option<MessageCounts> {
@@ -312,6 +317,9 @@ impl CameraThread {
         let age = state.capture_unix_nanos.map_or_else(|| "none".to_owned(), age_ms);
         let Counts { captured, published, superseded, failed, in_flight } = state.frames;
         let counts = &self.shared.counts;
+        let percent = |share: fn(Stability) -> f64| {
+            state.stability.map_or_else(|| "unknown".to_owned(), |now| format!("{:.2}", 100.0 * share(now)))
+        };
         let values = [
             ("frames per second", format!("{:.2}", state.fps)),
             ("age of the last frame, ms", age),
@@ -319,6 +327,8 @@ impl CameraThread {
             ("units", state.scale.map_or("none", |scale| scale.units.name()).to_owned()),
             ("scale source", state.scale.map_or("none", |scale| scale.source.name()).to_owned()),
             ("scale factor", state.scale.map_or(0.0, |scale| scale.factor).to_string()),
+            ("depth drift, % per frame", percent(|now| now.drift)),
+            ("depth flicker, % per frame", percent(|now| now.flicker)),
             ("captured", captured.to_string()),
             ("published", published.to_string()),
             ("superseded", superseded.to_string()),
@@ -329,11 +339,7 @@ impl CameraThread {
             ("ROS 2 frames superseded", counts.superseded().to_string()),
         ];
         let values = values.into_iter().chain(self.about.iter().cloned());
-        let (level, message) = if state.is_up {
-            (DiagnosticStatus::OK, "frames arrive")
-        } else {
-            (DiagnosticStatus::STALE, "the source gives no frames")
-        };
+        let (level, message) = DiagnosticStatus::of_stream(state.is_up, state.is_unstable);
         let status = DiagnosticStatus {
             level,
             name: format!("nunetd: {}", self.name),

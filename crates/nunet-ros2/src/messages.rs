@@ -46,7 +46,17 @@ pub(crate) struct DiagnosticStatus<'a> {
 
 impl DiagnosticStatus<'_> {
     pub(crate) const OK: u8 = 0;
+    pub(crate) const WARN: u8 = 1;
     pub(crate) const STALE: u8 = 3;
+
+    /// The level of a stream, and its reason.
+    pub(crate) fn of_stream(is_up: bool, is_unstable: bool) -> (u8, &'static str) {
+        match (is_up, is_unstable) {
+            (false, _) => (Self::STALE, "the source gives no frames"),
+            (true, true) => (Self::WARN, "depth is unstable although the image does not change"),
+            (true, false) => (Self::OK, "frames arrive"),
+        }
+    }
 }
 
 /// `diagnostic_msgs/msg/KeyValue`

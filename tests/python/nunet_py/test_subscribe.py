@@ -38,6 +38,8 @@ def test_every_topic_of_a_frame_has_the_expected_shape_type_and_sequence(camera)
             assert np.isnan(frame.depth).sum() == frame.header.invalid_pixels
             stats = frame.stats
             assert stats.captured == stats.published + stats.superseded + stats.failed + stats.in_flight
+            assert (stats.depth_drift is None) == (stats.depth_flicker is None)
+            assert stats.is_unstable is False
             sequences.append(frame.sequence)
             if len(sequences) == 5:
                 break

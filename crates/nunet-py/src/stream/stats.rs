@@ -35,6 +35,17 @@ pub(crate) struct PyStats {
     /// Mean number of heap allocations per frame; NaN if they are not counted.
     #[pyo3(get)]
     allocations_per_frame: f64,
+    /// Growth of the scale of depth per frame, mean of the last frames: 0.01 is one percent. `None` while the image
+    /// changes.
+    #[pyo3(get)]
+    depth_drift: Option<f64>,
+    /// Change of points per frame beside the scale, mean of the last frames: 0.01 is one percent. `None` while the image
+    /// changes.
+    #[pyo3(get)]
+    depth_flicker: Option<f64>,
+    /// Whether drift or flicker is above the daemon's `--stability-limit`.
+    #[pyo3(get)]
+    is_unstable: bool,
     /// The name of the model file.
     #[pyo3(get)]
     model_name: String,
@@ -74,6 +85,9 @@ impl PyStats {
             fps: record.fps,
             bytes_copied_per_frame: record.bytes_copied_per_frame,
             allocations_per_frame: record.allocations_per_frame,
+            depth_drift: record.stability().map(|[drift, _]| drift),
+            depth_flicker: record.stability().map(|[_, flicker]| flicker),
+            is_unstable: record.is_unstable == 1,
             model_name: record.model_name().into_owned(),
             model_hash: hexadecimal(&record.model_hash),
             provider: record.provider().into_owned(),

@@ -128,6 +128,30 @@ fn diagnostics_state_no_age_before_the_first_frame() {
     assert!(age().parse::<f64>().expect("a number") > 0.0, "{}", age());
 }
 
+#[test]
+fn diagnostics_warn_of_unstable_depth() {
+    let counts = MessageCounts::default();
+    let (mut sink, side) = played(&[], &counts);
+    let mut totals = nunet_telemetry::Totals::default();
+    totals.stability.set_limit(Some(0.05));
+    let mut after = |change: Option<Stability>| {
+        (0..nunet_telemetry::STABILITY_FRAMES).for_each(|_| totals.stability.add(change));
+        sink.on_status(&Status { is_up: true, counts: &Counts::default(), totals: &totals });
+        let status = side.diagnostics(&side.shared.state()).status.remove(0);
+        let value =
+            |key: &str| status.values.iter().find(|value| value.key == key).expect("a key").value.clone();
+        (status.level, value("depth drift, % per frame"), value("depth flicker, % per frame"))
+    };
+    let text = |drift: &str, flicker: &str| (drift.to_owned(), flicker.to_owned());
+    let check = |(level, drift, flicker), expected| assert_eq!((level, (drift, flicker)), expected);
+    check(after(None), (DiagnosticStatus::OK, text("unknown", "unknown")));
+    let quiet = Stability { drift: -0.0125, flicker: 0.02 };
+    check(after(Some(quiet)), (DiagnosticStatus::OK, text("-1.25", "2.00")));
+    check(after(None), (DiagnosticStatus::OK, text("unknown", "unknown")));
+    let flickers = Stability { drift: 0.0, flicker: 0.06 };
+    check(after(Some(flickers)), (DiagnosticStatus::WARN, text("0.00", "6.00")));
+}
+
 /// Feeds frames until the counts satisfy `is_enough`, and ends the sink.
 fn feed(behavior: Behavior, is_enough: impl Fn(&MessageCounts, usize) -> bool) -> Outcome {
     let (fake, counts) = (fake(behavior), MessageCounts::default());
