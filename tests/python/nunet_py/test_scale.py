@@ -5,7 +5,7 @@ import pickle
 import numpy as np
 import nunet_py as nunet
 import pytest
-from support import noise
+from support import ROOT, noise
 
 CALIBRATION = """image_width: 128
 image_height: 96
@@ -61,3 +61,12 @@ def test_a_model_takes_a_scale_and_conflicts_are_errors(tiny):
         nunet.Model(tiny.path, scale=1000)
     with pytest.raises(ValueError, match="does not take its scale from the floor"):
         tiny.infer(rgb, attitude=(0.0, 0.1))
+
+
+def test_an_attitude_counts_for_its_image_only():
+    model = nunet.Model("wnet_c.onnx", scale="floor", mount=(0.0, 0.0, 0.25, 0.0, -0.07, 0.0))
+    camera = nunet.Camera(262, 262, 160.3, 119.2, (320, 240))
+    image = ROOT / "models/drive/rgb/0000.jpg"
+    factor = lambda **options: model.infer(image, camera=camera, **options).scale_factor  # noqa: E731
+    before, tilted, after = factor(), factor(attitude=(0.0, 0.0)), factor()
+    assert before == after != tilted

@@ -155,8 +155,8 @@ impl PyModel {
     ///     Whether the image is the next frame of the same video. Recurrent networks and the temporal filter then keep their
     ///     state; others ignore it. By default each image is independent.
     /// attitude : tuple of float, optional
-    ///     Roll and pitch of the camera, radians, as an inertial sensor measures them, for `scale="floor"`. They are used until
-    ///     others are passed.
+    ///     Roll and pitch of the camera, radians, as an inertial sensor measures them, for `scale="floor"`. They replace those of
+    ///     `mount` for this image only.
     ///
     /// Returns
     /// -------

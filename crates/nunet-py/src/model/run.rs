@@ -54,10 +54,14 @@ impl PyModel {
         let fitted = |camera: PyCamera| camera.0.fitted_to(size.width, size.height).map_err(of_camera);
         let camera = camera.map(fitted).transpose()?;
         let mount = attitude.map(|attitude| scale::with_attitude(self.mount, attitude)).transpose()?;
+        let usual = self.mount.filter(|_| mount.is_some());
         let inferred = self.exclusive(py, |model| {
             let is_used = model.set_calibrated_scale(factor)?;
             mount.into_iter().for_each(|mount| model.set_mount(mount));
-            Ok((is_used, model.infer(&frame, camera, keep_state)?))
+            let inferred = model.infer(&frame, camera, keep_state);
+            // The attitude is that of this image only.
+            usual.into_iter().for_each(|usual| model.set_mount(usual));
+            Ok((is_used, inferred?))
         })?;
         let (is_used, inferred) = inferred.map_err(|error: EngineError| failure(&error.into()))?;
         self.warn_of_factor(py, is_used)?;
