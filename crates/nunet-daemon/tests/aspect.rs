@@ -49,6 +49,32 @@ fn the_files_and_a_warning_say_what_depth_covers() {
     assert!(!log.contains("images of"), "{log}");
 }
 
+/// An EXIF block that states only orientation 6: the camera was turned by 90 degrees.
+const EXIF_TURNED: [u8; 36] =
+    *b"\xff\xe1\x00\x22Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0";
+
+#[test]
+fn an_image_rotated_by_exif_is_cropped_upright() {
+    let bench = bench_with_image(160, 90);
+    let stored = image::open(bench.path("images/0.png")).unwrap();
+    stored.save(bench.path("stored.jpg")).unwrap();
+    let file = std::fs::read(bench.path("stored.jpg")).unwrap();
+    std::fs::write(bench.path("turned.jpg"), [&file[..2], &EXIF_TURNED, &file[2..]].concat()).unwrap();
+    image::open(bench.path("stored.jpg")).unwrap().rotate90().save(bench.path("upright.png")).unwrap();
+    let model = bench.arg("model.onnx");
+    let results = ["turned.jpg", "upright.png"].map(|name| {
+        let (photo, out) = (bench.arg(name), bench.arg(&format!("out_{name}")));
+        // The intrinsics of the upright image.
+        let rest = ["--model", &model, "--aspect", "crop", "--intrinsics", "100,101,40,79.5@90x160"];
+        run_well(nunetd(&[&["infer", &photo, "--out", &out][..], &rest].concat()));
+        let read = |file| std::fs::read(bench.path(&format!("out_{name}/{file}"))).unwrap();
+        let stats: Value = serde_json::from_slice(&read("stats.json")).unwrap();
+        (stats["view"].clone(), read("depth.npy"), read("cloud.ply"))
+    });
+    assert_eq!(results[0].0, json!([0, 46, 90, 68]), "of the upright image");
+    assert!(results[0] == results[1], "the same depth and points as of the image without EXIF");
+}
+
 /// The header of the first depth map of the images.
 fn header_of(bench: &Bench, test: &str, rest: &[&str]) -> FrameHeader {
     let (model, images, name) = (bench.arg("model.onnx"), bench.arg("images"), camera(test));
