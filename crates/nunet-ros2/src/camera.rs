@@ -1,6 +1,8 @@
 //! The sink of one camera. The inference thread copies a frame only if something subscribes to it; a thread of this sink
 //! encodes and sends it. While that thread is busy, a newer frame replaces the waiting one.
 
+mod diagnostics;
+
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -18,7 +20,7 @@ use nunet_telemetry::{Counts, MessageCounts, RateLimit, Stability};
 use tracing::{info, warn};
 
 use crate::frame_messages::FrameEncoder;
-use crate::messages::{DiagnosticArray, DiagnosticStatus, KeyValue, LabelInfo, header_now};
+use crate::messages::{LabelInfo, header_now};
 use crate::options::{CameraOptions, DepthFormat};
 use crate::topic::Topic;
 
@@ -309,45 +311,6 @@ impl CameraThread {
         let mut message = Vec::new();
         let encoded = encode(&array, &mut message).map(|()| message);
         self.send(Topic::Diagnostics, encoded);
-    }
-
-    fn diagnostics(&self, state: &State) -> DiagnosticArray<'_> {
-        let header = header_now();
-        let age_ms = |captured: i64| format!("{:.1}", (header.stamp.unix_nanos() - captured) as f64 / 1e6);
-        let age = state.capture_unix_nanos.map_or_else(|| "none".to_owned(), age_ms);
-        let Counts { captured, published, superseded, failed, in_flight } = state.frames;
-        let counts = &self.shared.counts;
-        let percent = |share: fn(Stability) -> f64| {
-            state.stability.map_or_else(|| "unknown".to_owned(), |now| format!("{:.2}", 100.0 * share(now)))
-        };
-        let values = [
-            ("frames per second", format!("{:.2}", state.fps)),
-            ("age of the last frame, ms", age),
-            ("latency of the last frame, ms", format!("{:.2}", f64::from(state.total_micros) / 1e3)),
-            ("units", state.scale.map_or("none", |scale| scale.units.name()).to_owned()),
-            ("scale source", state.scale.map_or("none", |scale| scale.source.name()).to_owned()),
-            ("scale factor", state.scale.map_or(0.0, |scale| scale.factor).to_string()),
-            ("depth drift, % per frame", percent(|now| now.drift)),
-            ("depth flicker, % per frame", percent(|now| now.flicker)),
-            ("captured", captured.to_string()),
-            ("published", published.to_string()),
-            ("superseded", superseded.to_string()),
-            ("failed", failed.to_string()),
-            ("in flight", in_flight.to_string()),
-            ("ROS 2 messages sent", counts.sent().to_string()),
-            ("ROS 2 messages not taken", counts.not_taken().to_string()),
-            ("ROS 2 frames superseded", counts.superseded().to_string()),
-        ];
-        let values = values.into_iter().chain(self.about.iter().cloned());
-        let (level, message) = DiagnosticStatus::of_stream(state.is_up, state.is_unstable);
-        let status = DiagnosticStatus {
-            level,
-            name: format!("nunetd: {}", self.name),
-            message,
-            hardware_id: &self.name,
-            values: values.map(|(key, value)| KeyValue { key, value }).collect(),
-        };
-        DiagnosticArray { header, status: vec![status] }
     }
 }
 

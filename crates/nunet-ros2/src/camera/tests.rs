@@ -8,6 +8,7 @@ use nunet_telemetry::DrainTimeout;
 use nunet_types::ImageSize;
 
 use super::*;
+use crate::messages::DiagnosticStatus;
 use crate::options::Topics;
 
 const SIZE: ImageSize = ImageSize::new(2, 2);
