@@ -79,13 +79,13 @@ def start_on(tmp_path: Path) -> Iterator[Callable[..., Daemon]]:
     """Starts nunetd on a source."""
     started: list[subprocess.Popen] = []
 
-    def begin(source: str, *arguments: str, env: dict[str, str] | None = None) -> Daemon:
+    def begin(source: str, *arguments: str, env: dict[str, str] | None = None, ros2: str = "dds") -> Daemon:
         out, log = tmp_path / "out", tmp_path / "log"
         out.mkdir()
         camera = f"ros{os.getpid()}"
         command = [
             nunetd(), "run", "--source", source, "--camera", camera,
-            "--ros2", "dds", "--out", str(out), "--stats-json", str(out / "stats.json"), *arguments,
+            "--ros2", ros2, "--out", str(out), "--stats-json", str(out / "stats.json"), *arguments,
         ]  # fmt: skip
         with log.open("w") as stderr:
             environment = {**os.environ, **(env or {})}
@@ -103,11 +103,11 @@ def start_on(tmp_path: Path) -> Iterator[Callable[..., Daemon]]:
 def start(tmp_path: Path, start_on: Callable[..., Daemon]) -> Callable[..., Daemon]:
     """Starts nunetd on one image, again and again: every frame has the same results."""
 
-    def begin(image: Path, *arguments: str, rate: str = "10", env: dict[str, str] | None = None) -> Daemon:
+    def begin(image: Path, *arguments: str, rate: str = "10", **options: object) -> Daemon:
         images = tmp_path / "images"
         images.mkdir()
         shutil.copy(image, images)
-        return start_on(str(images), "--loop", "--rate", rate, *arguments, env=env)
+        return start_on(str(images), "--loop", "--rate", rate, *arguments, **options)
 
     return begin
 

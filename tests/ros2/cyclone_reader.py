@@ -39,4 +39,5 @@ def main(camera: str) -> None:
         print(f"class {label.class_id} {label.class_name}")
 
 
-main(sys.argv[1])
+if __name__ == "__main__":
+    main(sys.argv[1])

@@ -59,6 +59,11 @@ def test_every_topic_is_received_and_equals_the_results_of_its_frame(start: obje
     daemon = start(IMAGE, *CAMERA, "--ros2-topics", "all")
     frame = frame_of_all(receiver, daemon)
     daemon.stop()
+    check_frame(frame, daemon)
+
+
+def check_frame(frame: dict, daemon: Daemon) -> None:
+    """The messages of a frame have the values of the files of the same frame."""
     depth_m = np.load(daemon.out / "depth.npy")
     labels = np.asarray(PIL.Image.open(daemon.out / "labels.png"))
     np.testing.assert_array_equal(pixels(frame["depth/image_raw"], np.float32), depth_m)

@@ -6,12 +6,14 @@ use crate::repository;
 use crate::rust_source::paths;
 
 /// A crate's name in code, and the only folders whose files may use it.
-const HOMES: [(&str, &[&str]); 5] = [
+const HOMES: [(&str, &[&str]); 7] = [
     ("ort", &["crates/nunet-core/src/graph/onnx"]),
     ("iceoryx2", &["crates/nunet-ipc/"]),
     ("mcap", &["crates/nunet-mcap/"]),
     ("foxglove", &["crates/nunet-mcap/", "crates/nunet-foxglove/"]),
     ("dust_dds", &["crates/nunet-ros2-link/src/dds/"]),
+    ("zenoh", &["crates/nunet-ros2-link/src/zenoh/"]),
+    ("zenoh_ext", &["crates/nunet-ros2-link/src/zenoh/"]),
 ];
 
 /// A crate's manifest, and what it must not depend on.

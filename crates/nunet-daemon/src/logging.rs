@@ -18,8 +18,9 @@ pub(crate) fn start(options: LogOptions) {
         (false, 1) => LevelFilter::DEBUG,
         (false, _) => LevelFilter::TRACE,
     };
-    // The one logs every message that arrives, the other an error for each client that sends nonsense.
-    let quiet_libraries = ["dust_dds=warn", "foxglove=off"].into_iter().flat_map(str::parse::<Directive>);
+    // They log every message that arrives, every try to reach a router, an error for each client that sends nonsense.
+    let quiet_libraries = ["dust_dds=warn", "zenoh=off", "foxglove=off"];
+    let quiet_libraries = quiet_libraries.into_iter().flat_map(str::parse::<Directive>);
     let filter = EnvFilter::default().add_directive(level.into());
     let filter = quiet_libraries.fold(filter, EnvFilter::add_directive);
     let color = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty());

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use foxglove::{ChannelBuilder, Context, RawChannel, Schema};
 use nunet_mcap::ros::definition;
-use nunet_ros2_link::{Delivery, Endpoint, Link, Publisher, Ros2Error, Subscriber};
+use nunet_ros2_link::{Delivery, Endpoint, Link, MessagePublisher, MessageSubscriber, Ros2Error};
 
 use crate::kept::KeptMessages;
 
@@ -31,7 +31,7 @@ impl Link for Channels {
         _node: &str,
         endpoint: &Endpoint<'_>,
         delivery: Delivery,
-    ) -> Result<Box<dyn Publisher>, Ros2Error> {
+    ) -> Result<Box<dyn MessagePublisher>, Ros2Error> {
         let name = endpoint.message_type.name();
         let failed = |reason: String| Ros2Error::Middleware { action: "add a channel", reason };
         let text = definition(name).ok_or_else(|| failed(format!("the definition of {name} is missing")))?;
@@ -44,7 +44,11 @@ impl Link for Channels {
         Ok(Box::new(ChannelPublisher { channel, number, kept }))
     }
 
-    fn subscriber(&self, _node: &str, _endpoint: &Endpoint<'_>) -> Result<Box<dyn Subscriber>, Ros2Error> {
+    fn subscriber(
+        &self,
+        _node: &str,
+        _endpoint: &Endpoint<'_>,
+    ) -> Result<Box<dyn MessageSubscriber>, Ros2Error> {
         Err(Ros2Error::Transport { name: NETWORK })
     }
 
@@ -64,7 +68,7 @@ struct ChannelPublisher {
     kept: Option<Arc<KeptMessages>>,
 }
 
-impl Publisher for ChannelPublisher {
+impl MessagePublisher for ChannelPublisher {
     /// At least one, or none.
     fn subscribers(&self) -> usize {
         usize::from(self.channel.has_sinks())

@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::io;
+use std::path::PathBuf;
 
 use nunet_types::Hint;
 
@@ -28,6 +29,28 @@ pub enum Ros2Error {
         value: String,
         /// Those that are known.
         expected: String,
+    },
+    /// An address that Zenoh does not have.
+    #[error("`{value}` is not a Zenoh endpoint, expected PROTOCOL/ADDRESS such as `tcp/192.168.1.5:7447`")]
+    Endpoint {
+        /// The address.
+        value: String,
+    },
+    /// The file that `ZENOH_SESSION_CONFIG_URI` names.
+    #[error("cannot read the Zenoh configuration `{}` (ZENOH_SESSION_CONFIG_URI): {reason}", path.display())]
+    ZenohFile {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        reason: String,
+    },
+    /// A setting that Zenoh does not have, or with a value that it does not take.
+    #[error("ZENOH_CONFIG_OVERRIDE cannot set `{setting}`: {reason}")]
+    ZenohSetting {
+        /// The setting.
+        setting: String,
+        /// Why not.
+        reason: String,
     },
     /// A variable of ROS 2 with a value that it does not take.
     #[error("{variable} is `{value}`, expected {expected}")]
@@ -107,6 +130,9 @@ impl Ros2Error {
         match self {
             Self::Domain { .. }
             | Self::Unknown { .. }
+            | Self::Endpoint { .. }
+            | Self::ZenohFile { .. }
+            | Self::ZenohSetting { .. }
             | Self::Variable { .. }
             | Self::CameraName { .. }
             | Self::TopicName { .. }
@@ -127,6 +153,15 @@ impl Hint for Ros2Error {
             Self::CameraName { name } => Some(format!("use a name like `{}`", valid_part(name)).into()),
             Self::TopicName { .. } => {
                 Some("a part has letters, digits and single underscores, and no digit first".into())
+            }
+            Self::Endpoint { .. } => {
+                Some("the protocols are tcp, udp, tls (HOST:PORT) and unixsock-stream (a path)".into())
+            }
+            Self::ZenohFile { .. } => {
+                Some("name a .json5 file like DEFAULT_RMW_ZENOH_SESSION_CONFIG.json5 of rmw_zenoh_cpp".into())
+            }
+            Self::ZenohSetting { .. } => {
+                Some("separate settings of the form KEY=VALUE by `;`, such as `mode=\"client\"`".into())
             }
             Self::Network { .. } => Some("another domain has other ports".into()),
             _ => None,

@@ -2,11 +2,14 @@
 //!
 //! | module | what it contains |
 //! |---|---|
-//! | [`environment`] | the variables of ROS 2: domain, discovery range |
+//! | [`environment`] | the variables of ROS 2: domain, discovery range, Zenoh's configuration |
+//! | [`link_name`] | which network a connection uses: DDS or Zenoh |
 //! | [`message_type`] | types of messages: names and hashes |
-//! | [`name`] | names of topics |
+//! | [`name`] | names of topics and types |
 //! | [`link`] | what a connection does: it makes publishers and subscribers of encoded messages |
 //! | `dds` | the connection over DDS |
+//! | `zenoh` | the connection over Zenoh |
+//! | `queue` | received messages that wait |
 //!
 //! Messages are bytes here: CDR with its four leading bytes. `nunet-mcap` encodes and decodes them.
 
@@ -16,13 +19,18 @@ mod dds;
 pub mod environment;
 mod error;
 pub mod link;
+pub mod link_name;
 pub mod message_type;
 pub mod name;
+mod queue;
+#[cfg(feature = "ros2-zenoh")]
+mod zenoh;
 
-pub use connect::{connect, connect_alone};
+pub use connect::{check, connect, connect_alone};
 #[cfg(feature = "ros2-dds")]
 #[doc(hidden)]
 pub use dds::{DatagramProbe, submessages_read};
 pub use error::{Ros2Error, Ros2ErrorKind};
-pub use link::{Delivery, Endpoint, Link, Publisher, Received, Subscriber, Taken};
+pub use link::{Arrival, Delivery, Endpoint, Link, MessagePublisher, MessageSubscriber, Received};
+pub use link_name::{LinkName, ZenohEndpoint};
 pub use message_type::MessageType;

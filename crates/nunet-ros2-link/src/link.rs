@@ -17,14 +17,18 @@ pub trait Link: Send + Sync {
         node: &str,
         endpoint: &Endpoint<'_>,
         delivery: Delivery,
-    ) -> Result<Box<dyn Publisher>, Ros2Error>;
+    ) -> Result<Box<dyn MessagePublisher>, Ros2Error>;
 
     /// Makes a subscriber that belongs to `node`. It asks for best effort and no history, which every
     /// publisher offers.
     ///
     /// # Errors
     /// The middleware refuses it.
-    fn subscriber(&self, node: &str, endpoint: &Endpoint<'_>) -> Result<Box<dyn Subscriber>, Ros2Error>;
+    fn subscriber(
+        &self,
+        node: &str,
+        endpoint: &Endpoint<'_>,
+    ) -> Result<Box<dyn MessageSubscriber>, Ros2Error>;
 
     /// The types that other nodes publish on `topic`, such as `sensor_msgs/msg/Image`. Those of publishers
     /// that died without a farewell stay for a while.
@@ -39,6 +43,18 @@ pub trait Link: Send + Sync {
     /// # Errors
     /// The middleware failed.
     fn announce_nodes(&self) -> Result<(), Ros2Error>;
+
+    /// Why messages may not arrive at other nodes, such as an absent router; `None` if everything works.
+    /// Called about once per second.
+    fn problem(&self) -> Option<String> {
+        None
+    }
+
+    /// Messages that [`MessagePublisher::send`] took, but that were dropped on their way to a subscriber, since
+    /// the last call by any user of the connection. Called about once per second.
+    fn take_dropped(&self) -> u64 {
+        0
+    }
 }
 
 /// A topic with its type.
@@ -60,7 +76,7 @@ pub struct Delivery {
 }
 
 /// Sends the messages of one topic. It never waits for subscribers.
-pub trait Publisher: Send {
+pub trait MessagePublisher: Send {
     /// How many subscribers there are.
     fn subscribers(&self) -> usize;
 
@@ -69,7 +85,7 @@ pub trait Publisher: Send {
 }
 
 /// Receives the messages of one topic. It keeps the newest few.
-pub trait Subscriber: Send {
+pub trait MessageSubscriber: Send {
     /// Connects to publishers that appeared since the last call, and returns how many there are. Messages of
     /// a publisher are received from then on.
     ///
@@ -79,12 +95,12 @@ pub trait Subscriber: Send {
 
     /// The next message, waiting up to `timeout` for one. Its bytes are swapped with `message`, whose memory
     /// is reused.
-    fn take(&mut self, message: &mut Vec<u8>, timeout: Duration) -> Taken;
+    fn take(&mut self, message: &mut Vec<u8>, timeout: Duration) -> Arrival;
 }
 
 /// What a subscriber has received.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Taken {
+pub enum Arrival {
     /// A message.
     Message(Received),
     /// A message that has more bytes than are received.

@@ -1,4 +1,4 @@
-//! Names of topics.
+//! Names of topics and types.
 
 /// Whether ROS 2 accepts `name` as a part of a topic.
 #[must_use]
@@ -27,6 +27,21 @@ pub fn full_name(topic: &str) -> Option<String> {
     parts.split('/').all(is_valid_part).then(|| format!("/{parts}"))
 }
 
+/// `sensor_msgs/msg/Image` as DDS names it: `sensor_msgs::msg::dds_::Image_`.
+pub(crate) fn dds_type(type_name: &str) -> String {
+    let (package, name) = type_name.rsplit_once('/').unwrap_or(("", type_name));
+    format!("{}::dds_::{name}_", package.replace('/', "::"))
+}
+
+/// The reverse of [`dds_type`]; other types stay as they are.
+pub(crate) fn ros_type(dds_type: &str) -> String {
+    let named = dds_type.strip_suffix('_').and_then(|name| name.split_once("::dds_::"));
+    named.map_or_else(
+        || dds_type.to_owned(),
+        |(package, name)| format!("{}/{name}", package.replace("::", "/")),
+    )
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -51,5 +66,16 @@ mod tests {
         for topic in ["", "/", "//a", "/a/", "/a//b", "/0a", "/a b", "~/a", "/a__b", "/a@1"] {
             assert!(full_name(topic).is_none(), "{topic}");
         }
+    }
+
+    #[test]
+    fn types_are_named_as_dds_names_those_of_ros() {
+        for (ros, dds) in [
+            ("sensor_msgs/msg/Image", "sensor_msgs::msg::dds_::Image_"),
+            ("tf2_msgs/msg/TFMessage", "tf2_msgs::msg::dds_::TFMessage_"),
+        ] {
+            assert_eq!((dds_type(ros).as_str(), ros_type(dds).as_str()), (dds, ros));
+        }
+        assert_eq!(ros_type("HelloWorld"), "HelloWorld");
     }
 }

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use nunet_core::depth::Scale;
 use nunet_mcap::CameraMount;
 use nunet_mcap::ros::{Header, RosMessage, encode};
-use nunet_ros2_link::{Link, Publisher, Ros2Error};
+use nunet_ros2_link::{Link, Ros2Error};
 use nunet_sink::record::RecordedFrame;
 use nunet_sink::results::Results;
 use nunet_sink::sink::{FinishingSink, Outcome, PublishedFrame, Sink, Status, Wants};
@@ -22,6 +22,7 @@ use tracing::{info, warn};
 use crate::frame_messages::FrameEncoder;
 use crate::messages::{LabelInfo, header_now};
 use crate::options::{CameraOptions, DepthFormat};
+use crate::publishers::{Connections, TopicPublishers, WITH_OBSTACLES, WITHOUT_FRAME, bit};
 use crate::topic::Topic;
 
 /// How often the subscribers are counted: the first frame that a new one gets is so much later at most.
@@ -29,57 +30,32 @@ const COUNT_PERIOD: Duration = Duration::from_millis(100);
 /// ROS' aggregator expects diagnostics about once per second.
 const DIAGNOSTICS_PERIOD: Duration = Duration::from_secs(1);
 
-/// The publishers of a camera.
-#[derive(Default)]
-pub(crate) struct Outputs(Vec<(Topic, Vec<Box<dyn Publisher>>)>);
-
-impl Outputs {
-    pub(crate) fn add(&mut self, topic: Topic, publishers: Vec<Box<dyn Publisher>>) {
-        self.0.push((topic, publishers));
-    }
-
-    /// The topics that something subscribes to, as bits.
-    fn wanted(&self) -> u32 {
-        let is_wanted =
-            |publishers: &[Box<dyn Publisher>]| publishers.iter().any(|one| one.subscribers() > 0);
-        self.0.iter().filter(|(_, publishers)| is_wanted(publishers)).map(|(topic, _)| bit(*topic)).sum()
-    }
-}
-
-const fn bit(topic: Topic) -> u32 {
-    1 << topic as u32
-}
-
-/// Topics whose messages are not made of frames.
-const WITHOUT_FRAME: u32 = bit(Topic::LabelInfo) | bit(Topic::TfStatic) | bit(Topic::Diagnostics);
-const WITH_OBSTACLES: u32 = bit(Topic::ObstaclePoints) | bit(Topic::Scan);
-
 /// A copy of a frame on its way to the thread.
 #[derive(Default)]
-struct Copy {
+struct FrameCopy {
     record: RecordedFrame,
     /// The topics that something subscribed to when it was copied. What others need is of an earlier frame.
     wanted: u32,
 }
 
-impl Reuse for Copy {
+impl Reuse for FrameCopy {
     fn release(&mut self) {}
 }
 
 /// What both threads know.
 struct Shared {
-    mailbox: Mailbox<Copy>,
+    mailbox: Mailbox<FrameCopy>,
     /// The topics that something subscribes to.
     wanted: AtomicU32,
     counts: MessageCounts,
     /// What log lines call it.
     network: &'static str,
-    state: Mutex<State>,
+    state: Mutex<CameraState>,
 }
 
 /// The last frame and the stream, for diagnostics.
 #[derive(Debug, Clone, Copy, Default)]
-struct State {
+struct CameraState {
     is_up: bool,
     frames: Counts,
     fps: f64,
@@ -93,7 +69,7 @@ struct State {
 }
 
 impl Shared {
-    fn state(&self) -> MutexGuard<'_, State> {
+    fn state(&self) -> MutexGuard<'_, CameraState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -176,7 +152,7 @@ impl Sink for Ros2Sink {
 /// The network's side.
 pub(crate) struct CameraThread {
     shared: Arc<Shared>,
-    outputs: Outputs,
+    outputs: TopicPublishers,
     encoder: FrameEncoder,
     name: String,
     frame_id: String,
@@ -187,6 +163,7 @@ pub(crate) struct CameraThread {
     failures: RateLimit,
     /// Connections that have not announced the node yet.
     unannounced: Vec<Arc<dyn Link>>,
+    links: Vec<Arc<dyn Link>>,
 }
 
 impl CameraThread {
@@ -194,11 +171,10 @@ impl CameraThread {
     pub(crate) fn start(
         camera: &CameraOptions<'_>,
         depth: DepthFormat,
-        outputs: Outputs,
-        unannounced: Vec<Arc<dyn Link>>,
-        network: &'static str,
+        outputs: TopicPublishers,
+        connections: Connections,
     ) -> Result<Ros2Sink, Ros2Error> {
-        let side = Self::new(camera, depth, outputs, unannounced, network);
+        let side = Self::new(camera, depth, outputs, connections);
         let shared = Arc::clone(&side.shared);
         let thread = std::thread::Builder::new().name("ros2".to_owned()).spawn(|| side.run());
         Ok(Ros2Sink { shared, thread: thread.map_err(Ros2Error::Thread)? })
@@ -207,9 +183,8 @@ impl CameraThread {
     fn new(
         camera: &CameraOptions<'_>,
         depth: DepthFormat,
-        outputs: Outputs,
-        unannounced: Vec<Arc<dyn Link>>,
-        network: &'static str,
+        outputs: TopicPublishers,
+        Connections { network, links, unannounced }: Connections,
     ) -> Self {
         let shared = Arc::new(Shared {
             mailbox: Mailbox::default(),
@@ -230,6 +205,7 @@ impl CameraThread {
             message: Vec::new(),
             failures: RateLimit::default(),
             unannounced,
+            links,
         }
     }
 
@@ -243,6 +219,7 @@ impl CameraThread {
             }
             if diagnosed.elapsed() >= DIAGNOSTICS_PERIOD {
                 self.unannounced.retain(|link| link.announce_nodes().is_err());
+                self.check_links();
                 self.send_diagnostics();
                 diagnosed = Instant::now();
             }
@@ -255,6 +232,14 @@ impl CameraThread {
                 Taken::Closed => break,
             }
         }
+        self.check_links();
+    }
+
+    /// Counts the messages that connections dropped, and states which connections do not work.
+    fn check_links(&self) {
+        let counts = &self.shared.counts;
+        counts.add_dropped(self.links.iter().map(|link| link.take_dropped()).sum());
+        counts.set_problems(self.links.iter().filter_map(|link| link.problem()).collect());
     }
 
     /// What late subscribers get.
@@ -273,7 +258,7 @@ impl CameraThread {
 
     /// Sends a message that does not belong to a frame.
     fn send(&mut self, topic: Topic, message: Result<Vec<u8>, String>) {
-        let publishers = self.outputs.0.iter().filter(|(own, _)| *own == topic);
+        let publishers = self.outputs.iter().filter(|(own, _)| *own == topic);
         match message {
             Ok(message) => publishers.flat_map(|(_, all)| all).for_each(|one| {
                 one.send(&message);
@@ -283,10 +268,10 @@ impl CameraThread {
     }
 
     /// Sends all topics of a frame that something subscribes to.
-    fn send_frame(&mut self, Copy { record, wanted }: &Copy) {
+    fn send_frame(&mut self, FrameCopy { record, wanted }: &FrameCopy) {
         let Self { shared, outputs, encoder, failures, .. } = self;
         let wanted = wanted & !WITHOUT_FRAME;
-        for (topic, publishers) in outputs.0.iter().filter(|(topic, _)| wanted & bit(*topic) != 0) {
+        for (topic, publishers) in outputs.iter().filter(|(topic, _)| wanted & bit(*topic) != 0) {
             match encoder.encode(*topic, record) {
                 Ok(Some(message)) => {
                     let subscribed = publishers.iter().filter(|one| one.subscribers() > 0);

@@ -14,9 +14,10 @@ mod frame_messages;
 mod messages;
 pub mod node;
 pub mod options;
+mod publishers;
 pub mod topic;
 
 pub use node::Ros2Node;
-pub use nunet_ros2_link::{Ros2Error, Ros2ErrorKind};
-pub use options::{CameraOptions, DepthFormat, LinkName, Ros2Options, Topics};
+pub use nunet_ros2_link::{LinkName, Ros2Error, Ros2ErrorKind};
+pub use options::{CameraOptions, DepthFormat, Ros2Options, Topics};
 pub use topic::Topic;

@@ -39,7 +39,7 @@ pub(crate) struct DiagnosticArray<'a> {
 pub(crate) struct DiagnosticStatus<'a> {
     pub(crate) level: u8,
     pub(crate) name: String,
-    pub(crate) message: &'a str,
+    pub(crate) message: String,
     pub(crate) hardware_id: &'a str,
     pub(crate) values: Vec<KeyValue>,
 }
@@ -49,13 +49,18 @@ impl DiagnosticStatus<'_> {
     pub(crate) const WARN: u8 = 1;
     pub(crate) const STALE: u8 = 3;
 
-    /// The level of a stream, and its reason.
-    pub(crate) fn of_stream(is_up: bool, is_unstable: bool) -> (u8, &'static str) {
-        match (is_up, is_unstable) {
-            (false, _) => (Self::STALE, "the source gives no frames"),
-            (true, true) => (Self::WARN, "depth is unstable although the image does not change"),
-            (true, false) => (Self::OK, "frames arrive"),
+    /// The level of a stream and its reason; `problems` are those of its connections.
+    pub(crate) fn of_stream(is_up: bool, is_unstable: bool, mut problems: Vec<String>) -> (u8, String) {
+        if !is_up {
+            return (Self::STALE, "the source gives no frames".to_owned());
         }
+        if is_unstable {
+            problems.push("depth is unstable although the image does not change".to_owned());
+        }
+        if problems.is_empty() {
+            return (Self::OK, "frames arrive".to_owned());
+        }
+        (Self::WARN, problems.join("; "))
     }
 }
 

@@ -4,12 +4,13 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use nunet_ros2_link::environment::Environment;
-use nunet_ros2_link::{Endpoint, Link, Ros2Error, connect};
+use nunet_ros2_link::{Endpoint, Link, LinkName, Ros2Error, connect};
 use nunet_sink::sink::Sink;
 use tracing::{info, warn};
 
-use crate::camera::{CameraThread, Outputs};
-use crate::options::{Available, CameraOptions, LinkName, Ros2Options, Topics, check_camera_name};
+use crate::camera::CameraThread;
+use crate::options::{Available, CameraOptions, Ros2Options, Topics, check_camera_name};
+use crate::publishers::{Connections, TopicPublishers};
 use crate::topic::Topic;
 
 /// Connections to ROS 2. They end with it.
@@ -28,7 +29,10 @@ impl Ros2Node {
     /// # Errors
     /// A variable of the environment is wrong, or the network cannot be used.
     pub fn open(options: &Ros2Options) -> Result<Self, Ros2Error> {
-        let links = options.links.iter().map(open_link).collect::<Result<_, _>>()?;
+        let environment = Environment::of_process()?;
+        // The same twice would publish each message twice.
+        let names: BTreeSet<&LinkName> = options.links.iter().collect();
+        let links = names.into_iter().map(|name| connect(name, &environment)).collect::<Result<_, _>>()?;
         Ok(Self { links, options: options.clone(), network: ROS_2 })
     }
 
@@ -47,7 +51,7 @@ impl Ros2Node {
             check_camera_name(camera.name)?;
         }
         let topics = self.topics(camera)?;
-        let mut outputs = Outputs::default();
+        let mut outputs = TopicPublishers::default();
         let node = format!("nunetd_{}", camera.name);
         for topic in topics.iter().copied() {
             let name = topic.of_camera(camera.name);
@@ -57,8 +61,8 @@ impl Ros2Node {
         }
         info!("{} topics: {}", self.network, listed(&topics, camera.name));
         let unannounced = self.announce(camera.name);
-        let sink = CameraThread::start(camera, self.options.depth, outputs, unannounced, self.network)?;
-        Ok(Box::new(sink))
+        let connections = Connections { network: self.network, links: self.links.clone(), unannounced };
+        Ok(Box::new(CameraThread::start(camera, self.options.depth, outputs, connections)?))
     }
 
     /// Announces the node of `camera`. Returns the connections that could not: topics work without it, and a node that has
@@ -78,12 +82,6 @@ impl Ros2Node {
             topics.remove(&Topic::TfStatic);
         }
         Ok(topics)
-    }
-}
-
-fn open_link(name: &LinkName) -> Result<Arc<dyn Link>, Ros2Error> {
-    match name {
-        LinkName::Dds { domain } => connect(&Environment::of_process()?.in_domain(*domain)),
     }
 }
 

@@ -4,37 +4,12 @@ use std::collections::BTreeSet;
 use std::str::FromStr;
 
 use nunet_mcap::CameraMount;
-use nunet_ros2_link::Ros2Error;
-use nunet_ros2_link::environment::{self, Environment};
+use nunet_ros2_link::environment::Environment;
 use nunet_ros2_link::name::is_valid_part;
+use nunet_ros2_link::{LinkName, Ros2Error, check};
 use nunet_telemetry::MessageCounts;
 
 use crate::topic::Topic;
-
-/// A connection to ROS 2: `dds` or `dds:DOMAIN`.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum LinkName {
-    /// DDS, the default of ROS 2.
-    Dds {
-        /// The domain; `None` for that of the environment.
-        domain: Option<u16>,
-    },
-}
-
-impl FromStr for LinkName {
-    type Err = Ros2Error;
-
-    fn from_str(text: &str) -> Result<Self, Ros2Error> {
-        match text.split_once(':') {
-            None if text == "dds" => Ok(Self::Dds { domain: None }),
-            Some(("dds", domain)) => {
-                let domain = environment::domain("the domain", domain);
-                domain.map(|domain| Self::Dds { domain: Some(domain) })
-            }
-            _ => Err(unknown("transport", text, "`dds` or `dds:DOMAIN`")),
-        }
-    }
-}
 
 /// How depth is encoded in images.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -145,7 +120,8 @@ pub struct Ros2Options {
 }
 
 impl Ros2Options {
-    /// Checks what can be checked without the network: the environment and the names of the cameras.
+    /// Checks what can be checked without the network: the environment, Zenoh's configuration and the names of
+    /// the cameras.
     ///
     /// # Errors
     /// ROS 2 does not take one of them.
@@ -153,7 +129,8 @@ impl Ros2Options {
         if self.links.is_empty() {
             return Ok(());
         }
-        Environment::of_process()?;
+        let environment = Environment::of_process()?;
+        self.links.iter().try_for_each(|link| check(link, &environment))?;
         cameras.try_for_each(check_camera_name)
     }
 }
@@ -188,17 +165,6 @@ pub(crate) fn check_camera_name(name: &str) -> Result<(), Ros2Error> {
 mod tests {
     use super::*;
     use nunet_ros2_link::Ros2ErrorKind;
-
-    #[test]
-    fn links_are_parsed_and_mistakes_are_named() {
-        assert_eq!("dds".parse::<LinkName>().unwrap(), LinkName::Dds { domain: None });
-        assert_eq!("dds:7".parse::<LinkName>().unwrap(), LinkName::Dds { domain: Some(7) });
-        for text in ["dds:233", "dds:-1", "dds:", "dds:x", "ros", "", "DDS"] {
-            assert!(text.parse::<LinkName>().is_err(), "{text}");
-        }
-        let error = "dds:300".parse::<LinkName>().unwrap_err();
-        assert_eq!(error.to_string(), "the domain is `300`, expected a ROS 2 domain from 0 to 232");
-    }
 
     #[test]
     fn an_unknown_topic_is_an_error_that_lists_the_known_ones() {

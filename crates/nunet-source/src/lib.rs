@@ -45,7 +45,7 @@ mod recorded_image;
 #[cfg(feature = "mcap")]
 mod recording;
 mod registry;
-#[cfg(feature = "ros2-dds")]
+#[cfg(feature = "ros2")]
 mod ros2;
 mod rotated;
 mod rotation;
@@ -72,7 +72,7 @@ pub use rate::{Pacer, Rate};
 #[cfg(feature = "mcap")]
 pub use recording::{RecordingSource, from_recording_error};
 pub use registry::SourceName;
-#[cfg(feature = "ros2-dds")]
+#[cfg(feature = "ros2")]
 pub use ros2::Ros2Source;
 pub use rotated::Rotated;
 pub use rotation::{Rotation, Rotator};

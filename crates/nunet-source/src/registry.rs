@@ -16,7 +16,7 @@ const REGISTRY: &[&dyn SourceType] = &[
     &crate::command::ShellCommand,
     &crate::command::NetworkCamera,
     &crate::shm::SharedMemoryCamera,
-    #[cfg(feature = "ros2-dds")]
+    #[cfg(feature = "ros2")]
     &crate::ros2::Ros2Topic,
     #[cfg(feature = "v4l2")]
     &crate::v4l2::VideoDevice,
@@ -195,13 +195,24 @@ mod tests {
         assert!(kind("drive.mcap").is_recording && !kind("drive/*.jpg").is_recording);
     }
 
-    #[cfg(feature = "ros2-dds")]
+    #[cfg(all(feature = "ros2-dds", feature = "ros2-zenoh"))]
     #[test]
     fn a_ros_2_topic_is_checked_without_a_network() {
         let check = |name: &str| SourceName::parse(name).check(&OpenOptions::default());
         assert!(kind("ros2:/camera/image_raw@7").is_ros2 && !kind("./ros2:/a").is_ros2);
         assert!(check("ros2:/camera/image_raw@7").is_ok() && check("ros2:camera/image_raw").is_ok());
-        for name in ["ros2:", "ros2:/a b", "ros2:/a@", "ros2:/a@233", "ros2:/a@b@1"] {
+        for name in ["ros2:/a@dds", "ros2:/a@dds:7", "ros2:/a@zenoh", "ros2:/a@zenoh:tcp/10.0.0.1:7447"] {
+            assert!(check(name).is_ok(), "{name}");
+        }
+        for name in [
+            "ros2:",
+            "ros2:/a b",
+            "ros2:/a@",
+            "ros2:/a@233",
+            "ros2:/a@b@1",
+            "ros2:/a@zenoh:robot",
+            "ros2:/a@dds:233",
+        ] {
             assert_eq!(check(name).unwrap_err().kind(), SourceErrorKind::BadArguments, "{name}");
         }
         let mut probed = SourceName::parse("ros2:/a").probe(OpenOptions::default()).unwrap();

@@ -1,4 +1,4 @@
-//! Images on a live topic of ROS 2: `ros2:TOPIC` or `ros2:TOPIC@DOMAIN`.
+//! Images on a live topic of ROS 2: `ros2:TOPIC`, `ros2:TOPIC@DOMAIN` or `ros2:TOPIC@zenoh`.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -7,7 +7,8 @@ use nunet_ipc::Clock;
 use nunet_mcap::{CameraDescription, RecordedImage, TopicDecoder, camera_topic};
 use nunet_ros2_link::environment::{self, Environment};
 use nunet_ros2_link::{
-    Endpoint, Link, MessageType, Received, Ros2Error, Ros2ErrorKind, Subscriber, Taken, connect, name,
+    Arrival, Endpoint, Link, LinkName, MessageSubscriber, MessageType, Received, Ros2Error, Ros2ErrorKind,
+    check, connect, name,
 };
 use nunet_types::Hint as _;
 use tracing::{debug, info, warn};
@@ -52,31 +53,36 @@ impl SourceType for Ros2Topic {
     }
 
     fn check(&self, name: &str) -> Result<(), SourceError> {
-        parse(name).map(drop)
+        let (_, link) = parse(name).map_err(source_error)?;
+        let environment = Environment::of_process().map_err(source_error)?;
+        check(&link, &environment).map_err(source_error)
     }
 
     fn open(&self, name: &str, options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError> {
-        let (topic, environment) = parse(name)?;
-        let source = Ros2Source::open(&topic, &environment)?;
+        let (topic, link) = parse(name).map_err(source_error)?;
+        let environment = Environment::of_process().map_err(source_error)?;
+        let source = Ros2Source::open(&topic, &link, &environment)?;
         // The coordinate frame of the message is not that of the rotated image.
         let states_frame_id = !options.has_frame_id && options.rotation.is_none();
         Ok(Box::new(Fused::new(Ros2Source { states_frame_id, ..source })))
     }
 }
 
-/// The full name of the topic, and the network that it is in.
-fn parse(name: &str) -> Result<(String, Environment), SourceError> {
+/// The full name of the topic, and the network that it is in: `TOPIC`, `TOPIC@DOMAIN`, or `TOPIC@` and a
+/// transport like that of `--ros2`.
+fn parse(name: &str) -> Result<(String, LinkName), Ros2Error> {
     let text = name.strip_prefix(PREFIX).unwrap_or(name);
-    let (topic, domain) = match text.split_once('@') {
-        Some((topic, domain)) => {
-            (topic, Some(environment::domain("the domain", domain).map_err(source_error)?))
+    let (topic, link) = match text.split_once('@') {
+        None => (text, LinkName::Dds { domain: None }),
+        Some((topic, link)) if link.starts_with(|first: char| first.is_ascii_alphabetic()) => {
+            (topic, link.parse()?)
         }
-        None => (text, None),
+        Some((topic, domain)) => {
+            (topic, LinkName::Dds { domain: Some(environment::domain("the domain", domain)?) })
+        }
     };
     let named = name::full_name(topic).ok_or_else(|| Ros2Error::TopicName { name: topic.to_owned() });
-    let topic = named.map_err(source_error)?;
-    let environment = Environment::of_process().map_err(source_error)?;
-    Ok((topic, environment.in_domain(domain)))
+    Ok((named?, link))
 }
 
 /// Names the node of the subscribers. Topics work without it.
@@ -105,7 +111,7 @@ pub struct Ros2Source {
     /// Whether frames have the coordinate frame of their message.
     states_frame_id: bool,
     images: Option<Images>,
-    cameras: Box<dyn Subscriber>,
+    cameras: Box<dyn MessageSubscriber>,
     /// Whether a publisher has described the camera, if only to state that it is not calibrated.
     has_description: bool,
     described: Option<CameraDescription>,
@@ -129,7 +135,7 @@ pub struct Ros2Source {
 struct Images {
     message_type: MessageType,
     decoder: TopicDecoder,
-    subscriber: Box<dyn Subscriber>,
+    subscriber: Box<dyn MessageSubscriber>,
     publishers: usize,
 }
 
@@ -138,8 +144,8 @@ impl Ros2Source {
     ///
     /// # Errors
     /// The network cannot be used.
-    pub fn open(topic: &str, environment: &Environment) -> Result<Self, SourceError> {
-        let link = connect(environment).map_err(source_error)?;
+    pub fn open(topic: &str, link: &LinkName, environment: &Environment) -> Result<Self, SourceError> {
+        let link = connect(link, environment).map_err(source_error)?;
         let endpoint = Endpoint { topic: &camera_topic(topic), message_type: MessageType::CameraInfo };
         let cameras = link.subscriber(NODE, &endpoint).map_err(source_error)?;
         announce(&*link);
@@ -176,21 +182,21 @@ impl Ros2Source {
             return Ok(Fill::Nothing);
         };
         let taken = images.subscriber.take(&mut self.message, POLL_TIMEOUT);
-        if taken == Taken::Nothing {
+        if taken == Arrival::Nothing {
             self.remind_of_silence();
             return Ok(Fill::Nothing);
         }
         self.silence.ends(Instant::now());
         Ok(match taken {
-            Taken::Message(received) => self.describe(received, frame)?,
-            Taken::TooLarge { bytes, limit } => {
+            Arrival::Message(received) => self.describe(received, frame)?,
+            Arrival::TooLarge { bytes, limit } => {
                 self.number(frame, 0);
                 Fill::Failed(SourceError::bad_frame(format!(
                     "a message on topic `{}` has {bytes} bytes, expected at most {limit}",
                     self.topic
                 )))
             }
-            Taken::Nothing => Fill::Nothing,
+            Arrival::Nothing => Fill::Nothing,
         })
     }
 
@@ -265,7 +271,7 @@ impl Ros2Source {
 
     /// Reads the description of the camera that has come meanwhile.
     fn update_camera(&mut self, decoder: TopicDecoder) {
-        if let Taken::Message(_) = self.cameras.take(&mut self.camera_message, Duration::ZERO) {
+        if let Arrival::Message(_) = self.cameras.take(&mut self.camera_message, Duration::ZERO) {
             decoder.update_camera(&self.camera_message, &mut self.described);
             self.has_description = true;
         }

@@ -15,11 +15,11 @@ use nunet_source::{
     Fill, Frame, OpenOptions, Rotated, Rotation, Source, SourceErrorKind, SourceName, open_pipe,
 };
 use nunet_types::{ImageSize, PixelFormat};
-#[cfg(feature = "ros2-dds")]
+#[cfg(all(feature = "ros2-dds", feature = "ros2-zenoh"))]
 use {
     nunet_mcap::ros::{Header, RosMessage, Time},
-    nunet_ros2_link::environment::{DiscoveryRange, Environment},
-    nunet_ros2_link::{Delivery, Endpoint, MessageType, connect_alone},
+    nunet_ros2_link::environment::{DiscoveryRange, Environment, ZenohVariables},
+    nunet_ros2_link::{Delivery, Endpoint, LinkName, MessageType, connect_alone},
     nunet_source::Ros2Source,
 };
 
@@ -172,25 +172,50 @@ fn shared_memory(name: &str) -> (Box<dyn Source>, Offer) {
     (source, Box::new(offer))
 }
 
-/// A domain of this machine that other test processes rarely use.
-#[cfg(feature = "ros2-dds")]
-fn domain() -> Environment {
-    let domain = 101 + u16::try_from(std::process::id() % 100).unwrap();
-    Environment { domain, range: DiscoveryRange::Localhost, static_peers: Vec::new() }
+/// How another node and the source are connected.
+#[cfg(all(feature = "ros2-dds", feature = "ros2-zenoh"))]
+struct Network {
+    node: (LinkName, Environment),
+    source: (LinkName, Environment),
 }
 
-/// The three images as live messages from another participant.
-#[cfg(feature = "ros2-dds")]
-fn ros2() -> (Box<dyn Source>, Offer) {
+/// A domain of this machine that other test processes rarely use.
+#[cfg(all(feature = "ros2-dds", feature = "ros2-zenoh"))]
+fn dds() -> Network {
+    let domain = 101 + u16::try_from(std::process::id() % 100).unwrap();
+    let environment = Environment { domain, range: DiscoveryRange::Localhost, ..Environment::default() };
+    let name = LinkName::Dds { domain: None };
+    Network { node: (name.clone(), environment.clone()), source: (name, environment) }
+}
+
+/// The node is the router.
+#[cfg(all(feature = "ros2-dds", feature = "ros2-zenoh"))]
+fn zenoh() -> Network {
+    let listener = std::net::TcpListener::bind(("127.0.0.1", 0)).unwrap();
+    let endpoint = format!("tcp/{}", listener.local_addr().unwrap());
+    let settings = format!("mode=\"router\";listen/endpoints=[\"{endpoint}\"];connect/endpoints=[]");
+    let zenoh = ZenohVariables { config_override: Some(settings), ..ZenohVariables::default() };
+    let router = Environment { zenoh, ..Environment::default() };
+    Network {
+        node: (LinkName::Zenoh { endpoint: None }, router),
+        source: (LinkName::Zenoh { endpoint: Some(endpoint.parse().unwrap()) }, Environment::default()),
+    }
+}
+
+/// The three images as live messages from another node.
+#[cfg(all(feature = "ros2-dds", feature = "ros2-zenoh"))]
+fn ros2(network: &Network) -> (Box<dyn Source>, Offer) {
     static OPENED: AtomicUsize = AtomicUsize::new(0);
     // Tests run at the same time: each has a topic of its own.
     let number = OPENED.fetch_add(1, Ordering::Relaxed);
     let topic = format!("/conformance{number}/image_raw/compressed");
-    let link = connect_alone(&domain()).unwrap();
+    let (name, environment) = &network.node;
+    let link = connect_alone(name, environment).unwrap();
     let endpoint = Endpoint { topic: &topic, message_type: MessageType::CompressedImage };
     let publisher = link.publisher("camera", &endpoint, Delivery { depth: 1, is_kept: false }).unwrap();
     link.announce_nodes().unwrap();
-    let source = Ros2Source::open(&topic, &domain()).unwrap();
+    let (name, environment) = &network.source;
+    let source = Ros2Source::open(&topic, name, environment).unwrap();
     let mut source: Box<dyn Source> = Box::new(source);
     // It subscribes once it knows the type.
     let is_subscribed = (0..600).any(|_| {
@@ -210,15 +235,17 @@ fn ros2() -> (Box<dyn Source>, Offer) {
     (source, Box::new(offer))
 }
 
-#[cfg(feature = "ros2-dds")]
+#[cfg(all(feature = "ros2-dds", feature = "ros2-zenoh"))]
 #[test]
 fn a_live_message_keeps_its_stamp_and_its_coordinate_frame() {
-    let (mut source, mut offer) = ros2();
-    let mut frame = Frame::default();
-    offer(0);
-    assert!(matches!(next(source.as_mut(), &mut frame), Fill::Frame));
-    assert_eq!((frame.capture.unix_nanos, frame.frame_id.as_str()), (7_000_000_000, "eye"));
-    assert!(source.is_live() && !source.is_waiting());
+    for network in [dds(), zenoh()] {
+        let (mut source, mut offer) = ros2(&network);
+        let mut frame = Frame::default();
+        offer(0);
+        assert!(matches!(next(source.as_mut(), &mut frame), Fill::Frame));
+        assert_eq!((frame.capture.unix_nanos, frame.frame_id.as_str()), (7_000_000_000, "eye"));
+        assert!(source.is_live() && !source.is_waiting());
+    }
 }
 
 /// Any source can be rotated.
@@ -265,10 +292,10 @@ fn endless(folder: &Path) -> Vec<Subject> {
         subject("rotated shared memory", rotated(turned), offer_turned, true),
         subject("command", command(), Box::new(|_| {}), false),
     ];
-    #[cfg(feature = "ros2-dds")]
-    {
-        let (source, offer) = ros2();
-        all.push(subject("ROS 2", source, offer, true));
+    #[cfg(all(feature = "ros2-dds", feature = "ros2-zenoh"))]
+    for (name, network) in [("ROS 2 over DDS", dds()), ("ROS 2 over Zenoh", zenoh())] {
+        let (source, offer) = ros2(&network);
+        all.push(subject(name, source, offer, true));
     }
     all
 }

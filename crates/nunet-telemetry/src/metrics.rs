@@ -43,6 +43,12 @@ struct MessageLabels {
     end: &'static str,
 }
 
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct OutputLabels {
+    camera: String,
+    output: &'static str,
+}
+
 type Histograms<L> = Family<L, Histogram, fn() -> Histogram>;
 
 /// The metrics of all cameras.
@@ -62,6 +68,7 @@ struct Families {
     latency: Histograms<CameraLabels>,
     stage: Histograms<StageLabels>,
     messages: Family<MessageLabels, Counter>,
+    connections_down: Family<OutputLabels, Gauge>,
 }
 
 fn histogram() -> Histogram {
@@ -86,6 +93,7 @@ impl Families {
             latency: Family::new_with_constructor(histogram),
             stage: Family::new_with_constructor(histogram),
             messages: Family::default(),
+            connections_down: Family::default(),
         };
         let help = "1 while the source delivers frames, 0 while it is retried and after its end";
         registry.register("camera_up", help, families.up.clone());
@@ -108,6 +116,8 @@ impl Families {
         registry.register_with_unit("latency", help, Unit::Seconds, families.latency.clone());
         registry.register_with_unit("stage", "Time of each stage", Unit::Seconds, families.stage.clone());
         registry.register("messages", "Messages to other machines by outcome", families.messages.clone());
+        let help = "Connections to other machines that do not work, such as an absent router";
+        registry.register("connections_down", help, families.connections_down.clone());
         families
     }
 
@@ -153,10 +163,13 @@ impl Metrics {
         let messages = &self.families.messages;
         let counter =
             |end| messages.get_or_create_owned(&MessageLabels { camera: camera.to_owned(), output, end });
+        let labels = OutputLabels { camera: camera.to_owned(), output };
         MessageCounts {
             sent: counter("sent"),
             not_taken: counter("not_taken"),
             superseded: counter("superseded"),
+            connections_down: self.families.connections_down.get_or_create_owned(&labels),
+            problems: Arc::default(),
         }
     }
 

@@ -10,11 +10,19 @@ pub struct MessageStats {
     sent: u64,
     not_taken: u64,
     superseded: u64,
+    /// Why messages may not arrive, if a connection does not work at the end.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    problems: Vec<String>,
 }
 
 impl From<&MessageCounts> for MessageStats {
     fn from(counts: &MessageCounts) -> Self {
-        Self { sent: counts.sent(), not_taken: counts.not_taken(), superseded: counts.superseded() }
+        Self {
+            sent: counts.sent(),
+            not_taken: counts.not_taken(),
+            superseded: counts.superseded(),
+            problems: counts.problems(),
+        }
     }
 }
 

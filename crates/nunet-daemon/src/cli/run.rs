@@ -134,9 +134,10 @@ impl ViewArgs {
 #[derive(Debug, Args, Clone, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct Ros2Args {
-    /// Publish ROS 2 topics below /CAMERA/: `dds`, or `dds:DOMAIN` for another domain than that of the environment. Nothing
-    /// is encoded without subscribers
-    #[arg(long, value_name = "dds[:DOMAIN]")]
+    /// Publish ROS 2 topics below /CAMERA/: `dds`, or `dds:DOMAIN` for another domain than that of the environment; `zenoh`
+    /// as `rmw_zenoh` does, or `zenoh:ENDPOINT` for another router, such as `zenoh:tcp/192.168.1.5:7447`. May be given more
+    /// than once. Nothing is encoded without subscribers
+    #[arg(long, value_name = "dds[:DOMAIN]|zenoh[:ENDPOINT]")]
     #[serde(default)]
     pub ros2: Vec<Text<LinkName>>,
     /// `default`, `all`, or a list of names below /CAMERA/, such as `scan,depth/points` [default: obstacles, and depth at half

@@ -1,4 +1,4 @@
-//! `--ros2 dds`: the results as topics of ROS 2.
+//! `--ros2 dds` and `--ros2 zenoh`: the results as topics of ROS 2.
 
 use nunet_ros2::{CameraOptions, Ros2Node, Ros2Options};
 

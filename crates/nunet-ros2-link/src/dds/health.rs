@@ -23,9 +23,9 @@ const MAX_WAIT: Duration = Duration::from_secs(20);
 
 /// Whether the library works.
 #[derive(Debug, Default)]
-pub(super) struct Health(AtomicBool);
+pub(super) struct LibraryState(AtomicBool);
 
-impl Health {
+impl LibraryState {
     /// Whether the library has ended, for good.
     pub(super) fn has_ended(&self) -> bool {
         self.0.load(Ordering::Relaxed)
@@ -51,7 +51,7 @@ impl Health {
 #[derive(Clone)]
 pub(super) struct Library {
     pub(super) receiver: TransportDataReceiver,
-    pub(super) health: Arc<Health>,
+    pub(super) health: Arc<LibraryState>,
 }
 
 impl Library {
@@ -79,11 +79,11 @@ impl Library {
 /// The library's runtime, which tells if the library panics.
 pub(super) struct Watched {
     runtime: StdRuntime,
-    health: Arc<Health>,
+    health: Arc<LibraryState>,
 }
 
 impl Watched {
-    pub(super) fn new(health: Arc<Health>) -> Self {
+    pub(super) fn new(health: Arc<LibraryState>) -> Self {
         Self { runtime: StdRuntime::new(), health }
     }
 }
@@ -110,7 +110,7 @@ impl DdsRuntime for Watched {
 #[derive(Clone)]
 pub(super) struct WatchedSpawner {
     spawner: <StdRuntime as DdsRuntime>::SpawnerHandle,
-    health: Arc<Health>,
+    health: Arc<LibraryState>,
 }
 
 impl Spawner for WatchedSpawner {
@@ -142,7 +142,7 @@ mod tests {
 
     #[test]
     fn a_panic_of_the_library_is_noticed_and_its_thread_goes_on() {
-        let health = Arc::<Health>::default();
+        let health = Arc::<LibraryState>::default();
         let runtime = Watched::new(Arc::clone(&health));
         let (done, finished) = channel();
         runtime.spawner().spawn(async { panic!("as the library may") });

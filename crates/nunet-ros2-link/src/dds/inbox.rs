@@ -4,41 +4,28 @@
 //! once, a newer one replaces the oldest of a few, and memory is bounded: one message in the making for each
 //! writer.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::HashMap;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 
 use super::user_data::{Fragments, Guid, Piece};
-use crate::link::{Received, Taken};
+use crate::link::Arrival;
+use crate::queue::{MAX_MESSAGE_BYTES, MessageQueue};
 
-/// A larger message is refused. An image of 3840x2160 pixels with 16 bits in four channels has 66 MB.
-pub(super) const MAX_MESSAGE_BYTES: u32 = 128 << 20;
 /// Further writers of a topic are ignored.
 pub(super) const MAX_WRITERS: usize = 8;
-/// Messages that wait to be taken. A reader that comes a few periods late gets all of them, and can count
-/// those that it does not use.
-const MAX_WAITING: usize = 4;
-/// Buffers that are kept for reuse.
-const MAX_SPARE: usize = 2;
 
 /// The messages of a topic.
 #[derive(Debug, Default)]
 pub(super) struct Inbox {
-    state: Mutex<State>,
+    state: Mutex<Contents>,
     arrived: Condvar,
 }
 
 #[derive(Debug, Default)]
-struct State {
+struct Contents {
     writers: HashMap<Guid, Writer>,
-    waiting: VecDeque<(Vec<u8>, Received)>,
-    /// Since the last message that was taken.
-    replaced: u64,
-    /// Lost before those that were replaced.
-    lost: u64,
-    /// Bytes of a message that was refused.
-    refused: Option<u32>,
-    spare: Vec<Vec<u8>>,
+    queue: MessageQueue,
 }
 
 /// What is known of a writer.
@@ -77,72 +64,44 @@ impl Inbox {
     /// Takes what has arrived, if it is for this subscriber.
     pub(super) fn put(&self, piece: &Piece<'_>) {
         let mut state = self.lock();
-        let State { writers, spare, .. } = &mut *state;
+        let Contents { writers, queue } = &mut *state;
         let Some(writer) = writers.get_mut(&piece.writer) else { return };
         if writer.last.is_some_and(|last| piece.sequence <= last) {
             return; // it came by another way already
         }
         if piece.size() > MAX_MESSAGE_BYTES {
             writer.last = Some(piece.sequence);
-            state.refused = Some(piece.size());
+            queue.refuse(piece.size());
             self.arrived.notify_one();
             return;
         }
         let complete = match piece.fragments {
             None => {
-                let mut bytes = spare.pop().unwrap_or_default();
+                let mut bytes = queue.buffer();
                 bytes.clear();
                 bytes.extend_from_slice(piece.bytes);
                 Some(bytes)
             }
-            Some(fragments) => writer.put_fragments(piece, fragments, spare),
+            Some(fragments) => writer.put_fragments(piece, fragments, queue),
         };
         if let Some(bytes) = complete {
             let last = writer.last.replace(piece.sequence);
             let lost = last.map_or(0, |last| (piece.sequence - last - 1).unsigned_abs());
-            state.keep(bytes, lost);
+            queue.put(bytes, lost);
             self.arrived.notify_one();
         }
     }
 
     /// The next message, in `message`, whose memory is reused.
-    pub(super) fn take(&self, message: &mut Vec<u8>, timeout: Duration) -> Taken {
-        let is_empty = |state: &mut State| state.waiting.is_empty() && state.refused.is_none();
+    pub(super) fn take(&self, message: &mut Vec<u8>, timeout: Duration) -> Arrival {
+        let is_empty = |contents: &mut Contents| contents.queue.is_empty();
         let waited = self.arrived.wait_timeout_while(self.lock(), timeout, is_empty);
-        let (mut state, _) = waited.unwrap_or_else(PoisonError::into_inner);
-        if let Some(bytes) = state.refused.take() {
-            return Taken::TooLarge { bytes, limit: MAX_MESSAGE_BYTES };
-        }
-        let Some((bytes, received)) = state.waiting.pop_front() else { return Taken::Nothing };
-        let used = std::mem::replace(message, bytes);
-        state.give_back(used);
-        let (lost, replaced) = (std::mem::take(&mut state.lost), std::mem::take(&mut state.replaced));
-        Taken::Message(Received { lost: received.lost.saturating_add(lost), replaced, ..received })
+        let (mut contents, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        contents.queue.take(message)
     }
 
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, Contents> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-impl State {
-    fn keep(&mut self, bytes: Vec<u8>, lost: u64) {
-        let since_1970 = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
-        let unix_nanos = i64::try_from(since_1970.as_nanos()).unwrap_or(i64::MAX);
-        self.waiting.push_back((bytes, Received { unix_nanos, lost, replaced: 0 }));
-        if self.waiting.len() > MAX_WAITING
-            && let Some((replaced, received)) = self.waiting.pop_front()
-        {
-            self.replaced += 1;
-            self.lost = self.lost.saturating_add(received.lost);
-            self.give_back(replaced);
-        }
-    }
-
-    fn give_back(&mut self, used: Vec<u8>) {
-        if self.spare.len() < MAX_SPARE {
-            self.spare.push(used);
-        }
     }
 }
 
@@ -162,7 +121,7 @@ impl Writer {
         &mut self,
         piece: &Piece<'_>,
         fragments: Fragments,
-        spare: &mut Vec<Vec<u8>>,
+        queue: &mut MessageQueue,
     ) -> Option<Vec<u8>> {
         let Fragments { first, fragment_bytes, message_bytes } = fragments;
         if fragment_bytes == 0 || message_bytes == 0 {
@@ -173,7 +132,7 @@ impl Writer {
                 Partial::new(piece.sequence, fragments, older.bytes)
             }
             Some(own) => own,
-            None => Partial::new(piece.sequence, fragments, spare.pop().unwrap_or_default()),
+            None => Partial::new(piece.sequence, fragments, queue.buffer()),
         };
         let fits = partial.sequence == piece.sequence
             && partial.fragment_bytes == fragment_bytes
@@ -228,6 +187,7 @@ mod tests {
     use super::super::user_data::pieces;
     use super::super::user_data::tests::{WRITER, fragment, whole};
     use super::*;
+    use crate::link::Received;
 
     fn inbox() -> Inbox {
         let inbox = Inbox::default();
@@ -242,7 +202,7 @@ mod tests {
     fn take(inbox: &Inbox) -> Option<(Vec<u8>, u64, u64)> {
         let mut message = Vec::new();
         match inbox.take(&mut message, Duration::ZERO) {
-            Taken::Message(Received { lost, replaced, .. }) => Some((message, lost, replaced)),
+            Arrival::Message(Received { lost, replaced, .. }) => Some((message, lost, replaced)),
             _ => None,
         }
     }
@@ -307,8 +267,8 @@ mod tests {
             put(&inbox, &fragment(1, first, (60_000, u32::MAX), &[0; 60_000]));
         }
         let refused = inbox.take(&mut message, Duration::ZERO);
-        assert_eq!(refused, Taken::TooLarge { bytes: u32::MAX, limit: MAX_MESSAGE_BYTES });
-        assert_eq!(inbox.take(&mut message, Duration::ZERO), Taken::Nothing);
+        assert_eq!(refused, Arrival::TooLarge { bytes: u32::MAX, limit: MAX_MESSAGE_BYTES });
+        assert_eq!(inbox.take(&mut message, Duration::ZERO), Arrival::Nothing);
         assert!(inbox.lock().writers[&WRITER].partial.is_none());
     }
 
@@ -319,11 +279,11 @@ mod tests {
         let mut places = Vec::new();
         for sequence in 1..7 {
             put(&inbox, &fragment(sequence, 1, (8, 8), &[7; 8]));
-            assert!(matches!(inbox.take(&mut message, Duration::ZERO), Taken::Message(_)));
+            assert!(matches!(inbox.take(&mut message, Duration::ZERO), Arrival::Message(_)));
             places.push(message.as_ptr());
         }
         places.sort();
         places.dedup();
-        assert!(places.len() <= 1 + MAX_SPARE, "{places:?}");
+        assert!(places.len() <= 3, "{places:?}");
     }
 }

@@ -25,7 +25,7 @@ use dust_dds::topic_definition::topic::Topic as DdsTopic;
 use tracing::{debug, info, warn};
 
 use super::failed::failed;
-use super::health::{Health, Watched};
+use super::health::{LibraryState, Watched};
 use super::nodes::{self, Identifier, Nodes};
 use super::peers::Peers;
 use super::qos::{reader_qos, writer_qos};
@@ -34,8 +34,9 @@ use super::subscriber::TopicSubscriber;
 use super::transport::{Shared, UdpTransport};
 use crate::environment::{DiscoveryRange, Environment};
 use crate::error::Ros2Error;
-use crate::link::{Delivery, Endpoint, Link, Publisher, Subscriber};
+use crate::link::{Delivery, Endpoint, Link, MessagePublisher, MessageSubscriber};
 use crate::message_type::MessageType;
+use crate::name::{dds_type, ros_type};
 
 /// How often the participant announces itself.
 const ANNOUNCEMENT_PERIOD: Duration = Duration::from_secs(1);
@@ -74,13 +75,13 @@ struct DdsLink {
     /// Of the publishers of other nodes.
     publications: DataReader<PublicationBuiltinTopicData>,
     announcer: DataWriter<RawMessage>,
-    state: Arc<Mutex<State>>,
+    state: Arc<Mutex<Participation>>,
     factory: Arc<DomainParticipantFactory<UdpTransport>>,
     shared: Shared,
 }
 
 #[derive(Default)]
-struct State {
+struct Participation {
     /// By their full names: cameras share some.
     topics: HashMap<String, (MessageType, DdsTopic)>,
     nodes: Nodes,
@@ -116,7 +117,7 @@ impl DdsLink {
     }
 
     /// The topic of an endpoint. A topic without users can get another type.
-    fn topic(&self, state: &mut State, endpoint: &Endpoint<'_>) -> Result<DdsTopic, Ros2Error> {
+    fn topic(&self, state: &mut Participation, endpoint: &Endpoint<'_>) -> Result<DdsTopic, Ros2Error> {
         let Endpoint { topic: name, message_type } = *endpoint;
         match state.topics.get(name) {
             Some((known, topic)) if *known == message_type => return Ok(topic.clone()),
@@ -131,7 +132,7 @@ impl DdsLink {
     }
 }
 
-fn lock(state: &Mutex<State>) -> MutexGuard<'_, State> {
+fn lock(state: &Mutex<Participation>) -> MutexGuard<'_, Participation> {
     state.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -182,7 +183,7 @@ impl Link for DdsLink {
         node: &str,
         endpoint: &Endpoint<'_>,
         delivery: Delivery,
-    ) -> Result<Box<dyn Publisher>, Ros2Error> {
+    ) -> Result<Box<dyn MessagePublisher>, Ros2Error> {
         self.shared.health.check("make a publisher")?;
         let mut state = lock(&self.state);
         let topic = self.topic(&mut state, endpoint)?;
@@ -194,7 +195,11 @@ impl Link for DdsLink {
         Ok(Box::new(TopicPublisher { writer, peers, health }))
     }
 
-    fn subscriber(&self, node: &str, endpoint: &Endpoint<'_>) -> Result<Box<dyn Subscriber>, Ros2Error> {
+    fn subscriber(
+        &self,
+        node: &str,
+        endpoint: &Endpoint<'_>,
+    ) -> Result<Box<dyn MessageSubscriber>, Ros2Error> {
         self.shared.health.check("make a subscriber")?;
         let mut state = lock(&self.state);
         let topic = self.topic(&mut state, endpoint)?;
@@ -237,26 +242,15 @@ impl Link for DdsLink {
         let message = message.map_err(|reason| Ros2Error::Middleware { action: ACTION, reason })?;
         self.announcer.write(raw(&message), None).map_err(failed(ACTION))
     }
+
+    fn problem(&self) -> Option<String> {
+        self.shared.health.has_ended().then(|| "ROS 2 over DDS has ended".to_owned())
+    }
 }
 
 /// `/front/scan` as DDS names it: `rt/front/scan`.
 fn dds_name(topic: &str) -> String {
     format!("rt{topic}")
-}
-
-/// `sensor_msgs/msg/Image` as DDS names it: `sensor_msgs::msg::dds_::Image_`.
-fn dds_type(type_name: &str) -> String {
-    let (package, name) = type_name.rsplit_once('/').unwrap_or(("", type_name));
-    format!("{}::dds_::{name}_", package.replace('/', "::"))
-}
-
-/// The reverse of [`dds_type`]; other types stay as they are.
-fn ros_type(dds_type: &str) -> String {
-    let named = dds_type.strip_suffix('_').and_then(|name| name.split_once("::dds_::"));
-    named.map_or_else(
-        || dds_type.to_owned(),
-        |(package, name)| format!("{}/{name}", package.replace("::", "/")),
-    )
 }
 
 fn new_topic(participant: &DomainParticipant, name: &str, type_name: &str) -> Result<DdsTopic, Ros2Error> {
@@ -272,10 +266,10 @@ fn raw(message: &[u8]) -> RawMessage {
 struct TopicPublisher {
     writer: DataWriter<RawMessage>,
     peers: Arc<Peers>,
-    health: Arc<Health>,
+    health: Arc<LibraryState>,
 }
 
-impl Publisher for TopicPublisher {
+impl MessagePublisher for TopicPublisher {
     /// Those that answer: the library counts the dead for minutes.
     fn subscribers(&self) -> usize {
         if self.health.has_ended() {
@@ -290,21 +284,5 @@ impl Publisher for TopicPublisher {
 
     fn send(&self, message: &[u8]) -> bool {
         !self.health.has_ended() && self.writer.write(raw(message), None).is_ok()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn types_are_named_as_dds_names_those_of_ros() {
-        for (ros, dds) in [
-            ("sensor_msgs/msg/Image", "sensor_msgs::msg::dds_::Image_"),
-            ("tf2_msgs/msg/TFMessage", "tf2_msgs::msg::dds_::TFMessage_"),
-        ] {
-            assert_eq!((dds_type(ros).as_str(), ros_type(dds).as_str()), (dds, ros));
-        }
-        assert_eq!(ros_type("HelloWorld"), "HelloWorld");
     }
 }

@@ -3,9 +3,10 @@
 use std::time::Duration;
 
 use super::guard::{is_acceptable, submessages_read};
-use super::inbox::{Inbox, MAX_MESSAGE_BYTES};
+use super::inbox::Inbox;
 use super::user_data::{is_only_user_data, pieces};
-use crate::link::Taken;
+use crate::link::Arrival;
+use crate::queue::MAX_MESSAGE_BYTES;
 
 /// Takes datagrams as a connection does: for tests with damaged ones.
 #[derive(Debug, Default)]
@@ -30,6 +31,6 @@ impl DatagramProbe {
         let mut message = Vec::new();
         let taken = self.0.take(&mut message, Duration::ZERO);
         assert!(message.len() <= MAX_MESSAGE_BYTES as usize, "{} bytes", message.len());
-        matches!(taken, Taken::Message(_)).then_some(message)
+        matches!(taken, Arrival::Message(_)).then_some(message)
     }
 }

@@ -7,13 +7,13 @@ use dust_dds::subscription::data_reader::DataReader;
 use dust_dds::subscription::subscriber::Subscriber as DdsSubscriber;
 
 use super::failed::failed;
-use super::health::Health;
+use super::health::LibraryState;
 use super::inbox::Inbox;
 use super::peers::Peers;
 use super::raw_message::RawMessage;
 use super::user_data::{Guid, pieces};
 use crate::error::Ros2Error;
-use crate::link::{Subscriber, Taken};
+use crate::link::{Arrival, MessageSubscriber};
 
 /// The inboxes of all subscribers of a participant.
 #[derive(Debug, Default)]
@@ -44,12 +44,12 @@ pub(super) struct TopicSubscriber {
     pub(super) reader: DataReader<RawMessage>,
     pub(super) inbox: Arc<Inbox>,
     pub(super) peers: Arc<Peers>,
-    pub(super) health: Arc<Health>,
+    pub(super) health: Arc<LibraryState>,
     /// Called when it ends.
     pub(super) on_end: Box<dyn Fn() + Send>,
 }
 
-impl Subscriber for TopicSubscriber {
+impl MessageSubscriber for TopicSubscriber {
     /// Without those that are lost: the library counts them for minutes.
     fn update(&mut self) -> Result<usize, Ros2Error> {
         const ACTION: &str = "list publishers";
@@ -64,7 +64,7 @@ impl Subscriber for TopicSubscriber {
         Ok(writers.len())
     }
 
-    fn take(&mut self, message: &mut Vec<u8>, timeout: Duration) -> Taken {
+    fn take(&mut self, message: &mut Vec<u8>, timeout: Duration) -> Arrival {
         self.inbox.take(message, timeout)
     }
 }

@@ -16,7 +16,7 @@ use super::addresses::{
     MAX_PARTICIPANTS, MULTICAST_GROUP, OwnAddress, data_port, discovery_port, is_own, multicast_port,
     own_addresses, participants_on,
 };
-use super::health::{Health, Library};
+use super::health::{Library, LibraryState};
 use super::peers::Peers;
 use super::receiving::Receiving;
 use super::sending::{Announcements, MAX_DATAGRAM_BYTES, Nowhere, Sending};
@@ -45,7 +45,7 @@ pub(super) struct Shared {
     /// What is known of other participants.
     pub(super) peers: Arc<Peers>,
     /// Whether the library works.
-    pub(super) health: Arc<Health>,
+    pub(super) health: Arc<LibraryState>,
     /// Set it to end the threads.
     pub(super) ended: Arc<AtomicBool>,
 }
@@ -63,7 +63,7 @@ struct Sockets {
 impl UdpTransport {
     /// Opens the sockets of the first free participant of the domain.
     pub(super) fn open(environment: &Environment) -> io::Result<Self> {
-        let &Environment { domain, range, ref static_peers } = environment;
+        let &Environment { domain, range, ref static_peers, .. } = environment;
         let is_local = range != DiscoveryRange::Subnet;
         // Nothing can be sent to another machine from a socket of the loopback.
         let is_on_loopback = is_local && static_peers.is_empty();

@@ -2,12 +2,12 @@
 
 use nunet_telemetry::{Counts, Stability};
 
-use super::{CameraThread, State};
+use super::{CameraState, CameraThread};
 use crate::messages::{DiagnosticArray, DiagnosticStatus, KeyValue, header_now};
 
 impl CameraThread {
     /// The stream as one status. Its level is WARN while depth is unstable.
-    pub(super) fn diagnostics(&self, state: &State) -> DiagnosticArray<'_> {
+    pub(super) fn diagnostics(&self, state: &CameraState) -> DiagnosticArray<'_> {
         let header = header_now();
         let age_ms = |captured: i64| format!("{:.1}", (header.stamp.unix_nanos() - captured) as f64 / 1e6);
         let age = state.capture_unix_nanos.map_or_else(|| "none".to_owned(), age_ms);
@@ -35,7 +35,7 @@ impl CameraThread {
             ("ROS 2 frames superseded", counts.superseded().to_string()),
         ];
         let values = values.into_iter().chain(self.about.iter().cloned());
-        let (level, message) = DiagnosticStatus::of_stream(state.is_up, state.is_unstable);
+        let (level, message) = DiagnosticStatus::of_stream(state.is_up, state.is_unstable, counts.problems());
         let status = DiagnosticStatus {
             level,
             name: format!("nunetd: {}", self.name),

@@ -1,10 +1,10 @@
-use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::{AtomicU64, AtomicUsize};
 
 use nunet_core::depth::DepthEncoding;
-use nunet_ros2_link::{Delivery, Endpoint, Subscriber};
+use nunet_ros2_link::{Delivery, Endpoint, MessagePublisher, MessageSubscriber};
 use nunet_sink::sink::Timings;
 use nunet_source::Frame;
-use nunet_telemetry::DrainTimeout;
+use nunet_telemetry::{DrainTimeout, Totals};
 use nunet_types::ImageSize;
 
 use super::*;
@@ -31,7 +31,7 @@ struct Fake {
     sent: Arc<AtomicUsize>,
 }
 
-impl Publisher for Fake {
+impl MessagePublisher for Fake {
     fn subscribers(&self) -> usize {
         1
     }
@@ -63,8 +63,8 @@ fn options(counts: &MessageCounts) -> CameraOptions<'_> {
     }
 }
 
-fn outputs(topics: &[(Topic, &Fake)]) -> Outputs {
-    let mut outputs = Outputs::default();
+fn outputs(topics: &[(Topic, &Fake)]) -> TopicPublishers {
+    let mut outputs = TopicPublishers::default();
     topics.iter().for_each(|(topic, fake)| outputs.add(*topic, vec![Box::new((*fake).clone())]));
     outputs
 }
@@ -90,7 +90,8 @@ fn give(sink: &mut dyn Sink, value: u8) {
 
 /// A sink whose thread is played by the test.
 fn played(topics: &[(Topic, &Fake)], counts: &MessageCounts) -> (Ros2Sink, CameraThread) {
-    let side = CameraThread::new(&options(counts), DepthFormat::Meters, outputs(topics), Vec::new(), "test");
+    let side =
+        CameraThread::new(&options(counts), DepthFormat::Meters, outputs(topics), Connections::default());
     let sink = Ros2Sink { shared: Arc::clone(&side.shared), thread: std::thread::spawn(|| {}) };
     (sink, side)
 }
@@ -133,7 +134,7 @@ fn diagnostics_state_no_age_before_the_first_frame() {
 fn diagnostics_warn_of_unstable_depth() {
     let counts = MessageCounts::default();
     let (mut sink, side) = played(&[], &counts);
-    let mut totals = nunet_telemetry::Totals::default();
+    let mut totals = Totals::default();
     totals.stability.set_limit(Some(0.05));
     let mut after = |change: Option<Stability>| {
         (0..nunet_telemetry::STABILITY_FRAMES).for_each(|_| totals.stability.add(change));
@@ -153,12 +154,27 @@ fn diagnostics_warn_of_unstable_depth() {
     check(after(Some(flickers)), (DiagnosticStatus::WARN, text("0.00", "6.00")));
 }
 
+#[test]
+fn diagnostics_state_the_problems_of_connections() {
+    let counts = MessageCounts::default();
+    let (mut sink, side) = played(&[], &counts);
+    sink.on_status(&Status { is_up: true, counts: &Counts::default(), totals: &Totals::default() });
+    let status = || {
+        let mut array = side.diagnostics(&side.shared.state());
+        let status = array.status.remove(0);
+        (status.level, status.message)
+    };
+    assert_eq!(status(), (DiagnosticStatus::OK, "frames arrive".to_owned()));
+    counts.set_problems(vec!["no router".to_owned()]);
+    assert_eq!(status(), (DiagnosticStatus::WARN, "no router".to_owned()));
+}
+
 /// Feeds frames until the counts satisfy `is_enough`, and ends the sink.
 fn feed(behavior: Behavior, is_enough: impl Fn(&MessageCounts, usize) -> bool) -> Outcome {
     let (fake, counts) = (fake(behavior), MessageCounts::default());
     let outputs = outputs(&[(Topic::HalfDepth, &fake)]);
     let mut sink =
-        CameraThread::start(&options(&counts), DepthFormat::Meters, outputs, Vec::new(), "test").unwrap();
+        CameraThread::start(&options(&counts), DepthFormat::Meters, outputs, Connections::default()).unwrap();
     let start = Instant::now();
     while !is_enough(&counts, fake.sent.load(Ordering::Relaxed)) {
         give(&mut sink, 1);
@@ -190,9 +206,12 @@ fn a_transport_that_hangs_or_panics_holds_up_neither_frames_nor_the_shutdown() {
     }
 }
 
-/// Takes the second announcement.
+/// Takes the second announcement, and has a problem.
 #[derive(Default)]
-struct Shy(AtomicUsize);
+struct Shy {
+    announcements: AtomicUsize,
+    dropped: AtomicU64,
+}
 
 impl Link for Shy {
     fn publisher(
@@ -200,11 +219,15 @@ impl Link for Shy {
         _node: &str,
         _endpoint: &Endpoint<'_>,
         _delivery: Delivery,
-    ) -> Result<Box<dyn Publisher>, Ros2Error> {
+    ) -> Result<Box<dyn MessagePublisher>, Ros2Error> {
         Ok(Box::new(fake(Behavior::Takes)))
     }
 
-    fn subscriber(&self, _node: &str, _endpoint: &Endpoint<'_>) -> Result<Box<dyn Subscriber>, Ros2Error> {
+    fn subscriber(
+        &self,
+        _node: &str,
+        _endpoint: &Endpoint<'_>,
+    ) -> Result<Box<dyn MessageSubscriber>, Ros2Error> {
         Err(Ros2Error::Transport { name: "shy" })
     }
 
@@ -213,9 +236,17 @@ impl Link for Shy {
     }
 
     fn announce_nodes(&self) -> Result<(), Ros2Error> {
-        let is_first = self.0.fetch_add(1, Ordering::Relaxed) == 0;
+        let is_first = self.announcements.fetch_add(1, Ordering::Relaxed) == 0;
         let error = Ros2Error::Middleware { action: "announce the node", reason: "Timeout".to_owned() };
         if is_first { Err(error) } else { Ok(()) }
+    }
+
+    fn problem(&self) -> Option<String> {
+        Some("no router".to_owned())
+    }
+
+    fn take_dropped(&self) -> u64 {
+        self.dropped.swap(0, Ordering::Relaxed)
     }
 }
 
@@ -225,10 +256,12 @@ fn a_node_that_could_not_be_announced_is_announced_later() {
     let node = crate::Ros2Node::over(Arc::clone(&link) as Arc<dyn Link>, "test", Topics::Default);
     let sink = node.add_camera(&options(&counts)).unwrap();
     let start = Instant::now();
-    while link.0.load(Ordering::Relaxed) < 2 {
-        assert!(start.elapsed() < TIMEOUT, "it is not tried again");
+    while link.announcements.load(Ordering::Relaxed) < 2 || counts.problems() != ["no router"] {
+        assert!(start.elapsed() < TIMEOUT, "it is not tried again, or its problem is not reported");
         std::thread::sleep(COUNT_PERIOD);
     }
+    link.dropped.store(3, Ordering::Relaxed);
     assert_eq!(sink.finish(None).wait(&mut DrainTimeout::new(&|| false)).unwrap(), Outcome::Done);
-    assert_eq!(link.0.load(Ordering::Relaxed), 2, "once is enough");
+    assert_eq!(link.announcements.load(Ordering::Relaxed), 2, "once is enough");
+    assert_eq!(counts.not_taken(), 3, "what was dropped in the end is counted, too");
 }

@@ -1,0 +1,179 @@
+//! A session with its nodes, publishers and subscribers.
+
+use std::collections::{BTreeMap, HashMap};
+use std::sync::mpsc::channel;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::time::Duration;
+
+use tracing::{debug, info, warn};
+use zenoh::liveliness::LivelinessToken;
+use zenoh::{Session, Wait as _};
+
+use super::config::{configuration, reason_of, routers};
+use super::dropped::DropCounter;
+use super::graph::RemotePublishers;
+use super::keys::{Entity, TopicKey};
+use super::publisher::TopicPublisher;
+use super::router::Router;
+use super::subscriber::TopicSubscriber;
+use crate::environment::Environment;
+use crate::error::Ros2Error;
+use crate::link::{Delivery, Endpoint, Link, MessagePublisher, MessageSubscriber};
+use crate::link_name::LinkName;
+
+/// The most time that leaving may take.
+const MAX_LEAVING: Duration = Duration::from_secs(5);
+
+/// A session of its own.
+pub(crate) fn alone(name: &LinkName, environment: &Environment) -> Result<Arc<dyn Link>, Ros2Error> {
+    Ok(Arc::new(ZenohLink::open(name, environment)?))
+}
+
+/// The session of this process to this router; it is opened if there is none.
+pub(crate) fn shared(name: &LinkName, environment: &Environment) -> Result<Arc<dyn Link>, Ros2Error> {
+    type Links = BTreeMap<(LinkName, u16), Weak<ZenohLink>>;
+    static LINKS: Mutex<Links> = Mutex::new(Links::new());
+    let mut links = LINKS.lock().unwrap_or_else(PoisonError::into_inner);
+    let key = (name.clone(), environment.domain);
+    if let Some(link) = links.get(&key).and_then(Weak::upgrade) {
+        return Ok(link);
+    }
+    let link = Arc::new(ZenohLink::open(name, environment)?);
+    links.insert(key, Arc::downgrade(&link));
+    Ok(link)
+}
+
+/// A session of Zenoh.
+struct ZenohLink {
+    session: Session,
+    /// The name of the session, as tokens have it.
+    name: String,
+    domain: u16,
+    state: Mutex<Graph>,
+    router: Arc<Router>,
+    drop_counter: DropCounter,
+}
+
+/// What this session has stated, and what it knows of others.
+#[derive(Default)]
+struct Graph {
+    /// The numbers of nodes, which exist as long as their tokens.
+    nodes: BTreeMap<String, (u64, LivelinessToken)>,
+    /// Nodes, publishers and subscribers so far.
+    entities: u64,
+    /// The publishers of topics that something subscribes to.
+    publishers: HashMap<String, Arc<RemotePublishers>>,
+}
+
+impl Graph {
+    fn next_id(&mut self) -> u64 {
+        self.entities += 1;
+        self.entities - 1
+    }
+}
+
+impl ZenohLink {
+    fn open(name: &LinkName, environment: &Environment) -> Result<Self, Ros2Error> {
+        let config = configuration(name, environment)?;
+        let (routers, domain) = (routers(&config), environment.domain);
+        let session = zenoh::open(config).wait().map_err(failed("open a Zenoh session"))?;
+        info!("ROS 2 over Zenoh by {routers} in domain {domain}");
+        let is_expected = environment.zenoh.router_check_attempts >= 0;
+        let router = Arc::new(Router::new(is_expected.then_some(routers)));
+        let (name, drop_counter) = (session.zid().to_string(), DropCounter::new(&session));
+        Ok(Self { name, session, domain, state: Mutex::default(), router, drop_counter })
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Graph> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A new publisher or subscriber of `node`, which is stated to others if it is new.
+    fn new_entity<'a>(&'a self, graph: &mut Graph, node: &'a str) -> Result<Entity<'a>, Ros2Error> {
+        let unnumbered = Entity { domain: self.domain, session: &self.name, node, node_id: 0, id: 0 };
+        let node_id = match graph.nodes.get(node) {
+            Some((id, _)) => *id,
+            None => {
+                let id = graph.next_id();
+                let token = Entity { node_id: id, id, ..unnumbered }.node_token();
+                let token = self.session.liveliness().declare_token(token).wait();
+                graph.nodes.insert(node.to_owned(), (id, token.map_err(failed("announce the node"))?));
+                id
+            }
+        };
+        Ok(Entity { node_id, id: graph.next_id(), ..unnumbered })
+    }
+
+    /// The publishers of a topic, followed from the first call on.
+    fn publishers(&self, graph: &mut Graph, topic: &str) -> Result<Arc<RemotePublishers>, Ros2Error> {
+        if let Some(known) = graph.publishers.get(topic) {
+            return Ok(Arc::clone(known));
+        }
+        let followed = RemotePublishers::follow(&self.session, self.domain, topic);
+        let publishers = Arc::new(followed.map_err(failed("list publishers"))?);
+        graph.publishers.insert(topic.to_owned(), Arc::clone(&publishers));
+        Ok(publishers)
+    }
+}
+
+fn failed(action: &'static str) -> impl Fn(zenoh::Error) -> Ros2Error {
+    move |error| Ros2Error::Middleware { action, reason: reason_of(&error) }
+}
+
+impl Drop for ZenohLink {
+    /// Other nodes learn at once that this one leaves. The library waits for a peer that takes nothing.
+    fn drop(&mut self) {
+        let (session, (left, leaving)) = (self.session.clone(), channel());
+        let leave = move || left.send(session.close().wait());
+        let started = std::thread::Builder::new().name("zenoh end".to_owned()).spawn(leave);
+        match started.map(|_| leaving.recv_timeout(MAX_LEAVING)) {
+            Ok(Ok(Ok(()))) => {}
+            Ok(Ok(Err(error))) => debug!("cannot close the Zenoh session: {error}"),
+            _ => warn!("other ROS 2 nodes may not know that this one has left: a peer takes no messages"),
+        }
+    }
+}
+
+impl Link for ZenohLink {
+    fn publisher(
+        &self,
+        node: &str,
+        endpoint: &Endpoint<'_>,
+        delivery: Delivery,
+    ) -> Result<Box<dyn MessagePublisher>, Ros2Error> {
+        let entity = self.new_entity(&mut self.lock(), node)?;
+        let declared = TopicPublisher::declare(&self.session, &entity, &endpoint.into(), delivery);
+        Ok(Box::new(declared.map_err(failed("make a publisher"))?))
+    }
+
+    fn subscriber(
+        &self,
+        node: &str,
+        endpoint: &Endpoint<'_>,
+    ) -> Result<Box<dyn MessageSubscriber>, Ros2Error> {
+        let mut graph = self.lock();
+        let entity = self.new_entity(&mut graph, node)?;
+        let publishers = self.publishers(&mut graph, endpoint.topic)?;
+        let (topic, router) = (TopicKey::from(endpoint), Arc::clone(&self.router));
+        let (session, message_type) = (&self.session, endpoint.message_type);
+        let declared = TopicSubscriber::declare(session, &entity, &topic, message_type, publishers, router);
+        Ok(Box::new(declared.map_err(failed("make a subscriber"))?))
+    }
+
+    fn published_types(&self, topic: &str) -> Result<Vec<String>, Ros2Error> {
+        Ok(self.publishers(&mut self.lock(), topic)?.types())
+    }
+
+    /// Nodes are stated when their first publisher or subscriber is made.
+    fn announce_nodes(&self) -> Result<(), Ros2Error> {
+        Ok(())
+    }
+
+    fn problem(&self) -> Option<String> {
+        self.router.problem(&self.session)
+    }
+
+    fn take_dropped(&self) -> u64 {
+        self.drop_counter.take(&self.session)
+    }
+}

@@ -1,0 +1,49 @@
+//! The publishers of a camera, and the connections that they belong to.
+
+use std::sync::Arc;
+
+use nunet_ros2_link::{Link, MessagePublisher};
+
+use crate::topic::Topic;
+
+/// The publishers of a camera.
+#[derive(Default)]
+pub(crate) struct TopicPublishers(Vec<(Topic, Vec<Box<dyn MessagePublisher>>)>);
+
+impl TopicPublishers {
+    pub(crate) fn add(&mut self, topic: Topic, publishers: Vec<Box<dyn MessagePublisher>>) {
+        self.0.push((topic, publishers));
+    }
+
+    /// All topics with their publishers, one for each connection.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &(Topic, Vec<Box<dyn MessagePublisher>>)> {
+        self.0.iter()
+    }
+
+    /// The topics that something subscribes to, as bits.
+    pub(crate) fn wanted(&self) -> u32 {
+        let is_wanted =
+            |publishers: &[Box<dyn MessagePublisher>]| publishers.iter().any(|one| one.subscribers() > 0);
+        self.0.iter().filter(|(_, publishers)| is_wanted(publishers)).map(|(topic, _)| bit(*topic)).sum()
+    }
+}
+
+/// A topic in a set of topics.
+pub(crate) const fn bit(topic: Topic) -> u32 {
+    1 << topic as u32
+}
+
+/// Topics whose messages are not made of frames.
+pub(crate) const WITHOUT_FRAME: u32 = bit(Topic::LabelInfo) | bit(Topic::TfStatic) | bit(Topic::Diagnostics);
+/// Topics that are made of obstacles.
+pub(crate) const WITH_OBSTACLES: u32 = bit(Topic::ObstaclePoints) | bit(Topic::Scan);
+
+/// The connections of a camera.
+#[derive(Default)]
+pub(crate) struct Connections {
+    /// What log lines call them.
+    pub(crate) network: &'static str,
+    pub(crate) links: Vec<Arc<dyn Link>>,
+    /// Those that have not announced the camera's node yet.
+    pub(crate) unannounced: Vec<Arc<dyn Link>>,
+}
