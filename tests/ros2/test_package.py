@@ -11,19 +11,25 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import Image
 
 sys.path.insert(0, str(ROOT / "ros/nunet_ros"))
-from nunet_ros.command import DEFAULTS, command
+from nunet_ros.command import DEFAULTS, command, network_of
 from nunet_ros.node import NunetNode
 
 
 def test_empty_parameters_leave_the_defaults_of_nunetd() -> None:
-    words = command({**DEFAULTS, "mount": "0,0,0.2,0,0,0", "arguments": ["", "--frames", "9"]})
+    words = command({**DEFAULTS, "mount": "0,0,0.2,0,0,0", "arguments": ["", "--frames", "9"]}, "dds")
     expected = "nunetd run --source /dev/video0 --camera front --mount 0,0,0.2,0,0,0 --ros2-topics default"
     assert " ".join(words) == f"{expected} --ros2-depth 32FC1 --ros2 dds --frames 9"
 
 
 def test_a_topic_of_images_takes_the_place_of_the_source() -> None:
-    words = command({**DEFAULTS, "image_topic": "/camera/image_raw"})
-    assert words[:4] == ["nunetd", "run", "--source", "ros2:/camera/image_raw"]
+    words = command({**DEFAULTS, "image_topic": "/camera/image_raw"}, "zenoh")
+    assert words[:4] == ["nunetd", "run", "--source", "ros2:/camera/image_raw@zenoh"]
+    assert words[-2:] == ["--ros2", "zenoh"]
+
+
+def test_nunetd_uses_the_network_of_other_nodes() -> None:
+    assert network_of("rmw_zenoh_cpp") == "zenoh"
+    assert network_of("rmw_fastrtps_cpp") == network_of("rmw_cyclonedds_cpp") == "dds"
 
 
 @pytest.fixture

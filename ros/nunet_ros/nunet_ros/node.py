@@ -8,8 +8,9 @@ import time
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
+from rclpy.utilities import get_rmw_implementation_identifier
 
-from .command import DEFAULTS, command
+from .command import DEFAULTS, command, network_of
 
 GRACE_S = 15.0
 """nunetd finishes recordings within 5 s; a stalled disk may take longer."""
@@ -44,7 +45,7 @@ class NunetNode(Node):
 
     def _run(self) -> int:
         """Runs nunetd once, and returns its exit code."""
-        words = command(self._parameters)
+        words = command(self._parameters, network_of(get_rmw_implementation_identifier()))
         self.get_logger().info(f"starting {' '.join(words)}")
         try:
             with self._lock:
