@@ -79,6 +79,9 @@ pub enum CalibrationError {
         /// Row 1, column 1, pixels.
         fx_px: f64,
     },
+    /// What ROS writes for a camera that is not calibrated.
+    #[error("`camera_matrix` is all zeros: the camera is not calibrated")]
+    NotCalibrated,
     /// Other numbers where a camera matrix has zeros and a one.
     #[error("`camera_matrix` is not of the form `[fx, 0, cx, 0, fy, cy, 0, 0, 1]`")]
     NotACameraMatrix,
@@ -140,6 +143,9 @@ impl Hint for CalibrationError {
             Self::NotFinite { .. } => "calibrate again; this calibration did not converge",
             Self::CameraMatrixSize { .. } | Self::NotACameraMatrix => {
                 "write the matrix row by row: `[fx, 0, cx, 0, fy, cy, 0, 0, 1]`, in pixels"
+            }
+            Self::NotCalibrated => {
+                "calibrate the camera; ROS writes zeros for a camera that is not calibrated"
             }
             Self::Skew { .. } => "calibrate with the skew fixed at 0 (OpenCV: `CALIB_FIX_SKEW`)",
             Self::UnknownModel { model } if model.is_empty() => {

@@ -130,6 +130,9 @@ impl Calibration {
         let &[fx, skew, cx, below_fx, fy, cy, far_x, far_y, one] = info.k else {
             return Err(CalibrationError::CameraMatrixSize { got: info.k.len() });
         };
+        if info.k.iter().all(|&value| value == 0.0) {
+            return Err(CalibrationError::NotCalibrated);
+        }
         if [below_fx, far_x, far_y, one] != [0.0, 0.0, 0.0, 1.0] {
             return Err(CalibrationError::NotACameraMatrix);
         }

@@ -164,6 +164,13 @@ fn invalid_numbers_are_refused_by_name() {
 }
 
 #[test]
+fn a_camera_that_ros_has_not_calibrated_is_named() {
+    let echo = "width: 640\nheight: 480\ndistortion_model: ''\nd: []\nk: [0, 0, 0, 0, 0, 0, 0, 0, 0]\n";
+    assert_eq!(refusal(echo), CalibrationError::NotCalibrated);
+    assert!(refusal(echo).hint().unwrap().contains("ROS writes zeros"));
+}
+
+#[test]
 fn a_matrix_of_another_shape_is_refused() {
     let shape = |rows, cols| CalibrationError::Shape { key: "distortion_coefficients", rows, cols, got: 5 };
     assert_eq!(refusal_with("  cols: 5", "  cols: 4"), shape(1, 4));
