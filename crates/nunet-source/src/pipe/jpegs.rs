@@ -16,12 +16,16 @@ const MARKER: u8 = 0xff;
 const START_OF_IMAGE: u8 = 0xd8;
 const END_OF_IMAGE: u8 = 0xd9;
 const START_OF_SCAN: u8 = 0xda;
+/// The length of the start of an image, a marker.
+const START_BYTES: usize = 2;
 
 /// JPEGs one after the other. What is between them is skipped.
 pub(super) struct JpegReader<R> {
     input: R,
     name: &'static str,
     images: u64,
+    /// Whether the start of the next image was read within the one before, which has no end.
+    is_started: bool,
 }
 
 /// Why an image is not complete.
@@ -39,11 +43,14 @@ impl From<std::io::Error> for Incomplete {
 
 impl<R: BufRead + Send> JpegReader<R> {
     pub(super) fn new(input: R, name: &'static str) -> Self {
-        Self { input, name, images: 0 }
+        Self { input, name, images: 0, is_started: false }
     }
 
     /// Skips to an image; false if the stream ends before one.
     fn find_start(&mut self) -> Result<bool, SourceError> {
+        if std::mem::take(&mut self.is_started) {
+            return Ok(true);
+        }
         let mut last = 0;
         for _ in 0..=MAX_BETWEEN_BYTES {
             let mut byte = [0];
@@ -66,7 +73,8 @@ impl<R: BufRead + Send> JpegReader<R> {
         Ok(byte[0])
     }
 
-    /// Reads the rest of an image. Segments are skipped by their length: a thumbnail in one has an end of its own.
+    /// Reads the rest of an image. Segments are skipped by their length: a thumbnail in one has a start and an end of its
+    /// own. A start outside of segments is that of the next image; the decoder reports what this one lacks.
     fn read_image(&mut self, file: &mut Vec<u8>) -> Result<(), Incomplete> {
         while file.len() <= MAX_IMAGE_BYTES {
             while self.byte(file)? != MARKER {}
@@ -76,7 +84,14 @@ impl<R: BufRead + Send> JpegReader<R> {
             }
             match marker {
                 END_OF_IMAGE => return Ok(()),
-                START_OF_IMAGE | 0x00 | 0x01 | 0xd0..=0xd7 => {}
+                // Some cameras write the start twice.
+                START_OF_IMAGE if file.len() == 2 * START_BYTES => file.truncate(START_BYTES),
+                START_OF_IMAGE => {
+                    file.truncate(file.len() - START_BYTES);
+                    self.is_started = true;
+                    return Ok(());
+                }
+                0x00 | 0x01 | 0xd0..=0xd7 => {}
                 _ => {
                     self.read_segment(file)?;
                     if marker == START_OF_SCAN {
@@ -183,6 +198,21 @@ mod tests {
         let multipart: Vec<u8> = images.iter().flat_map(part).collect();
         let (read_images, error) = read(&multipart);
         assert!(error.is_none() && read_images == images);
+    }
+
+    #[test]
+    fn an_image_without_its_end_does_not_swallow_the_next_one() {
+        let whole = jpeg(90);
+        let at = |marker: u8| whole.windows(2).position(|bytes| bytes == [MARKER, marker]).unwrap();
+        // In the scan, before the end, within a marker, between two segments, and after the start.
+        for cut in [whole.len() - 40, whole.len() - 2, whole.len() - 1, at(0xc4), 2] {
+            let (images, error) = read(&[&jpeg(0)[..], &whole[..cut], &jpeg(200), &jpeg(30)].concat());
+            assert!(error.is_none(), "{error:?}");
+            let others = [jpeg(0), jpeg(200), jpeg(30)];
+            let good: Vec<_> = images.iter().filter(|image| others.contains(image)).collect();
+            assert_eq!(good.len(), 3, "cut at {cut}");
+            assert_eq!(images.len(), if cut == 2 { 3 } else { 4 }, "cut at {cut}");
+        }
     }
 
     #[test]

@@ -253,6 +253,31 @@ mod tests {
     }
 
     #[test]
+    fn a_jpeg_without_its_end_fails_alone() {
+        let jpeg = |gray: u8| {
+            let mut file = Cursor::new(Vec::new());
+            let image =
+                image::GrayImage::from_fn(32, 24, |x, y| image::Luma([gray ^ (x * 37 + y * 59) as u8]));
+            image.write_to(&mut file, image::ImageFormat::Jpeg).unwrap();
+            file.into_inner()
+        };
+        let cut = jpeg(1);
+        let stream = [&jpeg(0)[..], &cut[..cut.len() / 3 * 2], &jpeg(2), &jpeg(3)].concat();
+        let mut pipe = Pipe::open(Cursor::new(stream), &OpenOptions::default(), "the stream").unwrap();
+        let (mut frame, mut good, mut failed) = (Frame::default(), Vec::new(), Vec::new());
+        let end = loop {
+            match pipe.fill(&mut frame) {
+                Fill::Frame => good.push(frame.sequence),
+                Fill::Failed(_) => failed.push(frame.sequence),
+                Fill::Nothing => {}
+                end => break end,
+            }
+        };
+        assert!(matches!(end, Fill::End), "{end:?}");
+        assert_eq!((good, failed), (vec![0, 2, 3], vec![1]));
+    }
+
+    #[test]
     fn a_stated_size_takes_no_memory_before_its_bytes_come() {
         let mut bytes = Vec::new();
         let read = read_growing(&mut Cursor::new([7; 100]), &mut bytes, usize::MAX / 2).unwrap();
