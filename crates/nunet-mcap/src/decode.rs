@@ -73,11 +73,11 @@ fn raw_image(
             set(nanos(message.timestamp), &message.frame_id, &raw)
         }
         MessageFormat::FoxgloveJson => {
-            let message: json::RawImage = json::decode(data)?;
+            let message = json::RawImage::decode(data)?;
             let json::RawImage { width, height, step, encoding, data, .. } = &message;
             let (width, height, step) = (*width, *height, *step);
-            let raw = Raw { width, height, step, encoding, data: &data.0, big_endian: false };
-            set(message.timestamp.unix_nanos(), &message.frame_id, &raw)
+            let raw = Raw { width, height, step, encoding, data, big_endian: false };
+            set(message.unix_nanos, &message.frame_id, &raw)
         }
         MessageFormat::FoxgloveCdr | MessageFormat::Ros => {
             let message: messages::RawImage<'_> = cdr::decode(data)?;
@@ -102,9 +102,9 @@ fn compressed_image(
             out.set_file(&message.data, &message.format, purpose)
         }
         MessageFormat::FoxgloveJson => {
-            let message: json::CompressedImage = json::decode(data)?;
-            out.set_header(message.timestamp.unix_nanos(), &message.frame_id);
-            out.set_file(&message.data.0, &message.format, purpose)
+            let message = json::CompressedImage::decode(data)?;
+            out.set_header(message.unix_nanos, &message.frame_id);
+            out.set_file(&message.data, &message.format, purpose)
         }
         MessageFormat::FoxgloveCdr | MessageFormat::Ros => {
             let message: messages::FoxgloveCompressedImage<'_> = cdr::decode(data)?;
@@ -160,7 +160,7 @@ pub(crate) fn camera(
             of((camera.width, camera.height), matrices, &camera.distortion_model, camera.d)
         }
         MessageFormat::FoxgloveJson => {
-            let camera: json::CameraCalibration = json::decode(data)?;
+            let camera = json::CameraCalibration::decode(data)?;
             let matrices = [&camera.k[..], &camera.r, &camera.p];
             of((camera.width, camera.height), matrices, &camera.distortion_model, camera.d)
         }

@@ -1,151 +1,183 @@
 //! Foxglove's messages in JSON. All spellings of its tools are accepted.
 //!
-//! The published schemas spell the matrices `D K R P`; Foxglove's own Rust types write `d k r p`. Optional fields may be
-//! absent, and protobuf's JSON mapping writes `frameId` and `distortionModel`.
+//! The published schemas spell the matrices `D K R P`; Foxglove's own Rust types write `d k r p`, and some tools write both.
+//! Optional fields may be absent or `null`. Protobuf's JSON mapping writes `frameId` and `distortionModel`, and its readers
+//! accept whole numbers as `64`, `64.0` and `"64"`.
 
-use base64::Engine as _;
-use base64::alphabet;
-use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
-use serde::de::{DeserializeOwned, Error as _};
-use serde::{Deserialize, Deserializer};
-use serde_json::Value;
-
-const NANOS_PER_SEC: i64 = 1_000_000_000;
-
-pub(crate) fn decode<T: DeserializeOwned>(message: &[u8]) -> Result<T, String> {
-    serde_json::from_slice(message).map_err(|error| format!("{error:.200}"))
-}
+use crate::json_fields::Fields;
 
 /// `foxglove.CameraCalibration`
-#[derive(Debug, Deserialize)]
+#[derive(Debug)]
 pub(crate) struct CameraCalibration {
     pub(crate) width: u32,
     pub(crate) height: u32,
-    #[serde(default, alias = "distortionModel")]
     pub(crate) distortion_model: String,
-    #[serde(default, alias = "D")]
     pub(crate) d: Vec<f64>,
-    #[serde(alias = "K")]
     pub(crate) k: Vec<f64>,
-    #[serde(default, alias = "R")]
     pub(crate) r: Vec<f64>,
-    #[serde(default, alias = "P")]
     pub(crate) p: Vec<f64>,
 }
 
+impl CameraCalibration {
+    pub(crate) fn decode(message: &[u8]) -> Result<Self, String> {
+        let mut fields = Fields::parse(message)?;
+        Ok(Self {
+            width: fields.whole_number("width")?,
+            height: fields.whole_number("height")?,
+            distortion_model: fields.text(&["distortion_model", "distortionModel"])?.unwrap_or_default(),
+            d: fields.numbers(&["D", "d"])?.unwrap_or_default(),
+            k: fields.numbers(&["K", "k"])?.ok_or_else(|| missing("K"))?,
+            r: fields.numbers(&["R", "r"])?.unwrap_or_default(),
+            p: fields.numbers(&["P", "p"])?.unwrap_or_default(),
+        })
+    }
+}
+
 /// `foxglove.RawImage`
-#[derive(Debug, Deserialize)]
+#[derive(Debug)]
 pub(crate) struct RawImage {
-    #[serde(default)]
-    pub(crate) timestamp: Stamp,
-    #[serde(default, alias = "frameId")]
+    /// Nanoseconds since 1970; 0 if unknown.
+    pub(crate) unix_nanos: i64,
     pub(crate) frame_id: String,
     pub(crate) width: u32,
     pub(crate) height: u32,
     pub(crate) encoding: String,
     pub(crate) step: u32,
-    pub(crate) data: Bytes,
+    pub(crate) data: Vec<u8>,
+}
+
+impl RawImage {
+    pub(crate) fn decode(message: &[u8]) -> Result<Self, String> {
+        let mut fields = Fields::parse(message)?;
+        Ok(Self {
+            unix_nanos: fields.stamp("timestamp"),
+            frame_id: fields.text(&["frame_id", "frameId"])?.unwrap_or_default(),
+            width: fields.whole_number("width")?,
+            height: fields.whole_number("height")?,
+            encoding: fields.text(&["encoding"])?.ok_or_else(|| missing("encoding"))?,
+            step: fields.whole_number("step")?,
+            data: fields.bytes("data")?,
+        })
+    }
 }
 
 /// `foxglove.CompressedImage`
-#[derive(Debug, Deserialize)]
+#[derive(Debug)]
 pub(crate) struct CompressedImage {
-    #[serde(default)]
-    pub(crate) timestamp: Stamp,
-    #[serde(default, alias = "frameId")]
+    /// Nanoseconds since 1970; 0 if unknown.
+    pub(crate) unix_nanos: i64,
     pub(crate) frame_id: String,
-    pub(crate) data: Bytes,
-    #[serde(default)]
+    pub(crate) data: Vec<u8>,
     pub(crate) format: String,
 }
 
-/// Bytes in base64, or as an array of numbers.
-#[derive(Debug)]
-pub(crate) struct Bytes(pub(crate) Vec<u8>);
-
-impl<'de> Deserialize<'de> for Bytes {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        #[derive(Deserialize)]
-        #[serde(untagged)]
-        enum JsonBytes {
-            Base64(String),
-            Numbers(Vec<u8>),
-        }
-        match JsonBytes::deserialize(deserializer)? {
-            JsonBytes::Numbers(bytes) => Ok(Self(bytes)),
-            JsonBytes::Base64(text) => {
-                let decoded = base64_bytes(text);
-                decoded.map(Self).map_err(|error| D::Error::custom(format!("`data` is not base64: {error}")))
-            }
-        }
+impl CompressedImage {
+    pub(crate) fn decode(message: &[u8]) -> Result<Self, String> {
+        let mut fields = Fields::parse(message)?;
+        Ok(Self {
+            unix_nanos: fields.stamp("timestamp"),
+            frame_id: fields.text(&["frame_id", "frameId"])?.unwrap_or_default(),
+            data: fields.bytes("data")?,
+            format: fields.text(&["format"])?.unwrap_or_default(),
+        })
     }
 }
 
-/// As protobuf's JSON mapping asks of readers: standard or URL-safe, with or without padding. MIME tools break the lines.
-fn base64_bytes(mut text: String) -> Result<Vec<u8>, base64::DecodeError> {
-    const ANY_PADDING: GeneralPurposeConfig =
-        GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);
-    text.retain(|character| !character.is_ascii_whitespace());
-    let alphabet = if text.contains(['-', '_']) { alphabet::URL_SAFE } else { alphabet::STANDARD };
-    GeneralPurpose::new(&alphabet, ANY_PADDING).decode(text)
-}
-
-/// `{sec, nsec}`, with the names of ROS or of protobuf too. Any other form counts as unknown; the time of
-/// recording replaces it.
-#[derive(Debug, Default, Deserialize)]
-#[serde(transparent)]
-pub(crate) struct Stamp(Value);
-
-impl Stamp {
-    pub(crate) fn unix_nanos(&self) -> i64 {
-        let field = |names: &[&str]| {
-            let value = names.iter().find_map(|name| self.0.get(*name))?;
-            value.as_i64().or_else(|| value.as_str()?.parse().ok())
-        };
-        let sec = field(&["sec", "secs", "seconds"]).unwrap_or_default();
-        let nsec = field(&["nsec", "nsecs", "nanosec", "nanos"]).unwrap_or_default();
-        sec.saturating_mul(NANOS_PER_SEC).saturating_add(nsec)
-    }
+fn missing(name: &str) -> String {
+    format!("`{name}` is missing")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    const K: &str = "[50, 0, 31.5, 0, 51, 24.5, 0, 0, 1]";
+
+    fn camera(fields: &str) -> Result<CameraCalibration, String> {
+        CameraCalibration::decode(format!("{{{fields}}}").as_bytes())
+    }
+
     #[test]
-    fn matrices_are_read_in_both_spellings_and_the_optional_fields_may_be_absent() {
-        for text in [
-            r#"{"K": [50, 0, 31.5, 0, 51, 24.5, 0, 0, 1], "width": 64, "height": 48}"#,
-            r#"{"width": 64, "height": 48, "k": [50, 0, 31.5, 0, 51, 24.5, 0, 0, 1], "frame_id": 7}"#,
+    fn matrices_are_read_in_both_spellings_and_the_optional_fields_may_be_absent_or_null() {
+        for fields in [
+            format!(r#""K": {K}, "width": 64, "height": 48"#),
+            format!(r#""width": 64, "height": 48, "k": {K}, "frame_id": 7"#),
+            format!(r#""width": 64, "height": 48, "K": {K}, "k": {K}"#),
+            format!(r#""width": 64, "height": 48, "K": [], "k": {K}, "d": []"#),
+            format!(r#""width": 64, "height": 48, "K": null, "k": {K}"#),
+            format!(
+                r#""width": 64, "height": 48, "K": {K}, "D": null, "R": null, "P": null, "distortion_model": null"#
+            ),
         ] {
-            let camera: CameraCalibration = decode(text.as_bytes()).unwrap();
-            assert_eq!((camera.k[0], camera.k[4], camera.d.len()), (50.0, 51.0, 0));
+            let camera = camera(&fields).unwrap();
+            assert_eq!((camera.k[0], camera.k[4], camera.d.len()), (50.0, 51.0, 0), "{fields}");
+            assert_eq!((camera.width, camera.distortion_model.as_str()), (64, ""));
         }
-        let missing = decode::<CameraCalibration>(br#"{"width": 64, "height": 48}"#).unwrap_err();
-        assert!(missing.contains("missing field `k`"), "{missing}");
+        for fields in [r#""width": 64, "height": 48"#, r#""width": 64, "height": 48, "K": null"#] {
+            assert_eq!(camera(fields).unwrap_err(), "`K` is missing");
+        }
+    }
+
+    #[test]
+    fn numbers_are_read_as_protobufs_json_mapping_writes_them() {
+        for side in ["64", "64.0", "\"64\"", "\"64.0\"", "6.4e1"] {
+            assert_eq!(camera(&format!(r#""width": {side}, "height": 48, "K": {K}"#)).unwrap().width, 64);
+        }
+        let fields = r#""width": 64, "height": 48, "K": ["50", 0, 31.5, 0, "5.1e1", 24.5, 0, 0, 1]"#;
+        assert_eq!(camera(fields).unwrap().k[4], 51.0);
+    }
+
+    #[test]
+    fn an_error_names_the_field() {
+        let error = |fields: &str| camera(fields).unwrap_err();
+        let expected = "expected a whole number from 0 to 4294967295";
+        for (side, got) in [
+            ("64.5", "64.5"),
+            ("-1", "-1"),
+            ("4294967296", "4294967296"),
+            ("\"wide\"", "\"wide\""),
+            ("[]", "an array"),
+            ("true", "true"),
+        ] {
+            let fields = format!(r#""width": {side}, "height": 48, "K": {K}"#);
+            assert_eq!(error(&fields), format!("`width` is {got}, {expected}"));
+        }
+        assert_eq!(error(&format!(r#""width": null, "height": 48, "K": {K}"#)), "`width` is missing");
+        let with = |field: &str| error(&format!(r#""width": 64, "height": 48, "K": {K}, {field}"#));
+        assert_eq!(with(r#""D": [0.1, null]"#), "value 2 of `D` is null, expected a number");
+        assert_eq!(with(r#""p": {"0": 1}"#), "`p` is an object, expected an array of numbers");
+        assert_eq!(with(r#""distortionModel": 7"#), "`distortionModel` is 7, expected a text");
+        let image = RawImage::decode(br#"{"width": 2, "height": 1, "step": 2, "data": "Bwg="}"#).unwrap_err();
+        assert_eq!(image, "`encoding` is missing");
+        assert!(CameraCalibration::decode(b"[1]").unwrap_err().contains("expected an object"));
     }
 
     #[test]
     fn bytes_are_base64_or_numbers() {
+        let decode = |data: &str| CompressedImage::decode(format!(r#"{{"data": {data}}}"#).as_bytes());
         for data in [r#""BwgJ""#, "[7, 8, 9]"] {
-            let message = format!(r#"{{"data": {data}}}"#);
-            let image: CompressedImage = decode(message.as_bytes()).unwrap();
-            assert_eq!(image.data.0, [7, 8, 9]);
+            assert_eq!(decode(data).unwrap().data, [7, 8, 9]);
         }
         for data in ["-_8=", "-_8", "+/8=", "+/8", "+/\\r\\n8=\\n", " +/8= "] {
-            let message = format!(r#"{{"data": "{data}"}}"#);
-            let image: CompressedImage = decode(message.as_bytes()).unwrap();
-            assert_eq!(image.data.0, [0xfb, 0xff], "{data:?}");
+            assert_eq!(decode(&format!("\"{data}\"")).unwrap().data, [0xfb, 0xff], "{data:?}");
         }
-        assert!(decode::<CompressedImage>(br#"{"data": "?"}"#).unwrap_err().contains("not base64"));
+        assert!(decode("\"?\"").unwrap_err().contains("`data` is not base64"));
+        assert_eq!(decode("[7, 256]").unwrap_err(), "value 2 of `data` is 256, expected 0 to 255");
+        assert_eq!(decode("null").unwrap_err(), "`data` is missing");
     }
 
     #[test]
     fn stamps_of_ros_and_protobuf_are_read_and_others_are_unknown() {
-        let nanos = |text| decode::<Stamp>(text).unwrap().unix_nanos();
-        assert_eq!(nanos(br#"{"sec": 3, "nsec": 5}"#), 3_000_000_005);
-        assert_eq!(nanos(br#"{"seconds": "3", "nanos": 5}"#), 3_000_000_005);
-        assert_eq!(nanos(br#""2026-11-29T00:00:00Z""#), 0);
-        assert_eq!(nanos(br#"{"sec": 9223372036854775807}"#), i64::MAX);
+        let nanos = |stamp: &str| {
+            let message = format!(r#"{{"data": "", "timestamp": {stamp}}}"#);
+            CompressedImage::decode(message.as_bytes()).unwrap().unix_nanos
+        };
+        assert_eq!(nanos(r#"{"sec": 3, "nsec": 5}"#), 3_000_000_005);
+        assert_eq!(nanos(r#"{"seconds": "3", "nanos": 5}"#), 3_000_000_005);
+        assert_eq!(nanos(r#"{"sec": 3.0, "nsec": null}"#), 3_000_000_000);
+        assert_eq!(nanos(r#"{"sec": 9223372036854775807}"#), i64::MAX);
+        for unknown in [r#""2026-11-29T00:00:00Z""#, "null", "7"] {
+            assert_eq!(nanos(unknown), 0, "{unknown}");
+        }
     }
 }

@@ -66,6 +66,7 @@ mod file_end;
 mod foxglove_json;
 mod frame_record;
 mod image;
+mod json_fields;
 mod live;
 mod messages;
 mod mount;
