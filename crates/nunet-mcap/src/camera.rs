@@ -26,27 +26,61 @@ pub struct CameraDescription {
     pub fault: Option<String>,
 }
 
+/// The matrices of a camera's message, row by row.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct CameraMatrices<'a> {
+    /// 3 x 3.
+    pub(crate) k: &'a [f64],
+    /// 3 x 4.
+    pub(crate) p: &'a [f64],
+}
+
 impl CameraDescription {
     /// A camera whose message cannot be read.
     pub(crate) fn unreadable(reason: &str) -> Self {
-        Self { fault: Some(format!("its message cannot be read: {reason}")), ..Self::default() }
+        Self::unusable(format!("its message cannot be read: {reason}"))
     }
 
-    /// From ROS 2's message; `None` for an uncalibrated camera, which has zeros. Rectified images have the
-    /// camera of the projection P, without distortion; K and D describe the unrectified image.
-    pub(crate) fn of_ros(info: &CameraInfo<'_>, rectified: bool) -> Option<Self> {
+    /// A camera that must not be used.
+    pub(crate) fn unusable(reason: String) -> Self {
+        Self { fault: Some(reason), ..Self::default() }
+    }
+
+    /// From ROS 2's message.
+    pub(crate) fn of_ros(info: &CameraInfo<'_>, rectified: bool) -> Self {
+        let matrices = CameraMatrices { k: &info.k, p: &info.p };
         let size = ImageSize::new(info.width, info.height);
-        let whole = if rectified {
-            Self::of_projection(size, &info.p)
-        } else {
-            Self::new(size, &info.k, &info.distortion_model, info.d.clone())
+        Self::of_matrices(size, matrices, &info.distortion_model, info.d.clone(), rectified).captured(info)
+    }
+
+    /// Rectified images have the camera of the projection P, without distortion; K and D describe the
+    /// unrectified image. The lengths of the matrices were checked; protobuf omits an unknown one. A matrix of
+    /// zeros is unknown too: ROS writes it for a camera that is not calibrated.
+    pub(crate) fn of_matrices(
+        size: ImageSize,
+        CameraMatrices { k, p }: CameraMatrices<'_>,
+        model: &str,
+        coefficients: Vec<f64>,
+        rectified: bool,
+    ) -> Self {
+        let is_unknown = |matrix: &[f64]| matrix.iter().all(|&number| number == 0.0);
+        let state = |matrix: &[f64]| if matrix.is_empty() { "has no values" } else { "is all zeros" };
+        let fault = match (rectified, is_unknown(k), is_unknown(p)) {
+            (_, true, true) => format!("it is not calibrated: K {}", state(k)),
+            (true, _, true) => format!("P {}, but the images are rectified", state(p)),
+            (false, true, _) => format!("K {}, but the images are not rectified", state(k)),
+            (true, _, false) => return Self::of_projection(size, p),
+            (false, false, _) => return Self::of_camera_matrix(size, k, model, coefficients),
         };
-        whole.map(|camera| camera.captured(info))
+        Self::unusable(fault)
     }
 
     /// Converts the camera of the full sensor, which K, P, width and height of the ROS 2 message
     /// describe, to the camera of the images (region of interest and binning).
     fn captured(mut self, info: &CameraInfo<'_>) -> Self {
+        if self.fault.is_some() {
+            return self;
+        }
         let [fx, fy, cx, cy] = self.intrinsics;
         match info.region().captured(ImageSize::new(self.width, self.height), [fx, self.skew, cx, fy, cy]) {
             Ok((ImageSize { width, height }, [fx, skew, cx, fy, cy])) => {
@@ -60,9 +94,9 @@ impl CameraDescription {
     }
 
     /// From the matrix P of rectified images, row by row.
-    pub(crate) fn of_projection(size: ImageSize, p: &[f64]) -> Option<Self> {
-        let &[fx, _, cx, _, _, fy, cy, ..] = p else { return None };
-        Self::new(size, &[fx, 0.0, cx, 0.0, fy, cy], "", Vec::new())
+    fn of_projection(size: ImageSize, p: &[f64]) -> Self {
+        let &[fx, _, cx, _, _, fy, cy, ..] = p else { return Self::unusable("P is too short".to_owned()) };
+        Self::of_camera_matrix(size, &[fx, 0.0, cx, 0.0, fy, cy], "", Vec::new())
     }
 
     /// Whether the lens is a fisheye (the model of Kannala and Brandt).
@@ -72,11 +106,11 @@ impl CameraDescription {
     }
 
     /// From the matrix K, row by row.
-    pub(crate) fn new(size: ImageSize, k: &[f64], model: &str, coefficients: Vec<f64>) -> Option<Self> {
-        let &[fx, skew, cx, _, fy, cy, ..] = k else { return None };
+    fn of_camera_matrix(size: ImageSize, k: &[f64], model: &str, coefficients: Vec<f64>) -> Self {
+        let &[fx, skew, cx, _, fy, cy, ..] = k else { return Self::unusable("K is too short".to_owned()) };
         // Foxglove and some drivers use another name for the model.
         let model = if matches!(model, "kannala_brandt" | "fisheye") { FISHEYE } else { model };
-        (fx != 0.0).then(|| Self {
+        Self {
             width: size.width,
             height: size.height,
             intrinsics: [fx, fy, cx, cy],
@@ -84,7 +118,7 @@ impl CameraDescription {
             distortion_model: model.to_owned(),
             coefficients,
             fault: None,
-        })
+        }
     }
 
     pub(crate) fn ros_message<'a>(&'a self, header: Header<'a>) -> CameraInfo<'a> {
@@ -115,23 +149,23 @@ impl CameraDescription {
 mod tests {
     use super::*;
 
+    const SIZE: ImageSize = ImageSize { width: 640, height: 480 };
+    const K: [f64; 9] = [500.0, 0.0, 320.0, 0.0, 500.0, 240.0, 0.0, 0.0, 1.0];
+    const P: [f64; 12] = [400.0, 0.0, 310.0, 0.0, 0.0, 401.0, 230.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+
+    fn of(k: &[f64], p: &[f64], model: &str, rectified: bool) -> CameraDescription {
+        CameraDescription::of_matrices(SIZE, CameraMatrices { k, p }, model, vec![0.1; 4], rectified)
+    }
+
     #[test]
     fn foxgloves_fisheye_is_ros() {
-        let k = [500.0, 0.0, 320.0, 0.0, 500.0, 240.0, 0.0, 0.0, 1.0];
-        let camera =
-            CameraDescription::new(ImageSize::new(640, 480), &k, "kannala_brandt", vec![0.0; 4]).unwrap();
-        assert!(camera.is_fisheye());
-        assert!(
-            !CameraDescription::new(ImageSize::new(640, 480), &k, "plumb_bob", vec![0.0; 5])
-                .unwrap()
-                .is_fisheye()
-        );
+        assert!(of(&K, &P, "kannala_brandt", false).is_fisheye());
+        assert!(!of(&K, &P, "plumb_bob", false).is_fisheye());
     }
 
     #[test]
     fn rectified_images_have_the_projections_camera_and_no_lens() {
-        let p = [400.0, 0.0, 310.0, 0.0, 0.0, 401.0, 230.0, 0.0, 0.0, 0.0, 1.0, 0.0];
-        let camera = CameraDescription::of_projection(ImageSize::new(640, 480), &p).unwrap();
+        let camera = of(&K, &P, "plumb_bob", true);
         assert_eq!((camera.intrinsics, camera.coefficients.len()), ([400.0, 401.0, 310.0, 230.0], 0));
     }
 
@@ -149,7 +183,7 @@ mod tests {
         info.roi =
             RegionOfInterest { x_offset: 200, y_offset: 100, width: 320, height: 240, do_rectify: true };
         change(&mut info);
-        CameraDescription::of_ros(&info, rectified).unwrap()
+        CameraDescription::of_ros(&info, rectified)
     }
 
     #[test]
@@ -180,7 +214,26 @@ mod tests {
     }
 
     #[test]
-    fn an_uncalibrated_camera_is_none() {
-        assert_eq!(CameraDescription::new(ImageSize::new(640, 480), &[0.0; 9], "", Vec::new()), None);
+    fn a_matrix_that_is_unknown_is_a_fault_and_the_other_one_does_not_replace_it() {
+        let (no_k, no_p) = ([0.0; 9], [0.0; 12]);
+        for (k, p, rectified, expected) in [
+            (&no_k[..], &no_p[..], false, "it is not calibrated: K is all zeros"),
+            (&no_k, &no_p, true, "it is not calibrated: K is all zeros"),
+            (&[], &[], false, "it is not calibrated: K has no values"),
+            (&no_k, &P, false, "K is all zeros, but the images are not rectified"),
+            (&[], &P, false, "K has no values, but the images are not rectified"),
+            (&K, &no_p, true, "P is all zeros, but the images are rectified"),
+            (&K, &[], true, "P has no values, but the images are rectified"),
+        ] {
+            assert_eq!(of(k, p, "plumb_bob", rectified).fault.as_deref(), Some(expected));
+        }
+        assert_eq!(of(&K, &no_p, "plumb_bob", false).fault, None);
+        assert_eq!(of(&no_k, &P, "plumb_bob", true).intrinsics, [400.0, 401.0, 310.0, 230.0]);
+    }
+
+    #[test]
+    fn a_region_of_interest_of_an_uncalibrated_camera_is_not_its_fault() {
+        let camera = cropped(|info| (info.k, info.p, info.roi.x_offset) = ([0.0; 9], [0.0; 12], 900), false);
+        assert_eq!(camera.fault.as_deref(), Some("it is not calibrated: K is all zeros"));
     }
 }

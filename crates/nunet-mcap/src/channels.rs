@@ -3,11 +3,11 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;
 
-use crate::RecordingError;
 use crate::channel::{Channel, ChannelKind};
 use crate::record::Record;
 use crate::records::Records;
 use crate::topics::{color_topics, depth_topics};
+use crate::{RecordingError, camera_topic};
 
 /// The known channels of one file.
 #[derive(Debug, Default, Clone)]
@@ -127,10 +127,12 @@ impl RecordingTopics {
     }
 
     fn image_topics(&self) -> Vec<&str> {
-        let is_image = |channel: &&Channel| channel.kind().is_some_and(|kind| !kind.is_camera());
-        let topics: BTreeSet<&str> =
-            self.channels.iter().filter(is_image).map(|channel| channel.topic.as_str()).collect();
-        topics.into_iter().collect()
+        self.topics_of(|kind| !kind.is_camera()).into_iter().collect()
+    }
+
+    fn topics_of(&self, is_wanted: impl Fn(ChannelKind) -> bool) -> BTreeSet<&str> {
+        let wanted = self.channels.iter().filter(|channel| channel.kind().is_some_and(&is_wanted));
+        wanted.map(|channel| channel.topic.as_str()).collect()
     }
 
     /// The topic to read images from: the requested one, otherwise the only one with color.
@@ -198,16 +200,13 @@ impl RecordingTopics {
         }
     }
 
-    /// The topic that describes the camera of an image topic, in the same namespace, as ROS drivers name it.
-    /// A topic in another namespace belongs to another camera.
-    pub(crate) fn camera_topic(&self, image_topic: &str) -> Option<String> {
-        let cameras =
-            || self.channels.iter().filter(|channel| channel.kind().is_some_and(ChannelKind::is_camera));
-        let parent = |topic: &str| topic.rsplit_once('/').map_or("", |(parent, _)| parent).to_owned();
-        let beside = |namespace: &str| cameras().find(|channel| parent(&channel.topic) == namespace);
-        // `/front/image_raw/compressed` and `/front/image_raw` both belong to `/front/camera_info`.
-        let namespace = parent(image_topic);
-        beside(&namespace).or_else(|| beside(&parent(&namespace))).map(|channel| channel.topic.clone())
+    /// The topic that describes the camera of an image topic; `None` if its namespace has none.
+    ///
+    /// # Errors
+    /// Why none of the topics in the namespace is used.
+    pub(crate) fn camera_topic(&self, image_topic: &str) -> Result<Option<String>, String> {
+        let cameras: Vec<&str> = self.topics_of(ChannelKind::is_camera).into_iter().collect();
+        camera_topic::choose(image_topic, &self.image_topics(), &cameras)
     }
 
     fn all(&self) -> String {
@@ -304,8 +303,9 @@ mod tests {
     #[test]
     fn an_image_goes_with_the_camera_of_its_namespace_alone() {
         let all = topics(&[("/a/camera_info", INFO, "cdr"), ("/b/camera_info", INFO, "cdr")]);
-        assert_eq!(all.camera_topic("/b/image_raw").as_deref(), Some("/b/camera_info"));
-        assert_eq!(all.camera_topic("/a/image_raw/compressed").as_deref(), Some("/a/camera_info"));
-        assert_eq!(all.camera_topic("/c/image_raw"), None);
+        let camera = |image| all.camera_topic(image).unwrap();
+        assert_eq!(camera("/b/image_raw").as_deref(), Some("/b/camera_info"));
+        assert_eq!(camera("/a/image_raw/compressed").as_deref(), Some("/a/camera_info"));
+        assert_eq!(camera("/c/image_raw"), None);
     }
 }

@@ -4,13 +4,13 @@ use foxglove::Decode;
 use foxglove::messages as protobuf;
 use nunet_types::ImageSize;
 
-use crate::camera::CameraDescription;
+use crate::camera::{CameraDescription, CameraMatrices};
 use crate::cdr;
 use crate::channel::{ChannelKind, Content, MessageFormat};
 use crate::foxglove_json as json;
 use crate::image::{Purpose, Raw, RecordedImage};
 use crate::messages::{self, CameraInfo, CompressedImage, Image};
-use crate::topics::TopicContent;
+use crate::topics::{TopicContent, is_rectified};
 
 /// How the messages of a topic are read.
 #[derive(Debug, Clone, Copy)]
@@ -23,7 +23,7 @@ pub(crate) struct ReadMode {
 impl ReadMode {
     /// As the topic's name says.
     pub(crate) fn of_topic(topic: &str, purpose: Purpose) -> Self {
-        Self { purpose, rectified: topic.split('/').any(|part| part.starts_with("image_rect")) }
+        Self { purpose, rectified: is_rectified(topic) }
     }
 
     /// Images to look at.
@@ -122,30 +122,24 @@ pub(crate) fn update_camera(
     known: &mut Option<CameraDescription>,
 ) {
     match camera(kind, data, read_mode) {
-        Ok(described) => *known = described,
+        Ok(described) => *known = Some(described),
         // One that cannot be read is known from before, or has to be reported.
         Err(reason) if known.is_none() => *known = Some(CameraDescription::unreadable(&reason)),
         Err(_) => {}
     }
 }
 
-/// Decodes a camera; `None` for an uncalibrated one.
+/// Decodes a camera. One that must not be used has a fault.
 pub(crate) fn camera(
     kind: ChannelKind,
     data: &[u8],
     read_mode: ReadMode,
-) -> Result<Option<CameraDescription>, String> {
+) -> Result<CameraDescription, String> {
     let rectified = read_mode.rectified;
     let of = |(width, height), [k, r, p]: [&[f64]; 3], model: &str, d: Vec<f64>| {
         check_matrices([k, r, p])?;
         let size = ImageSize { width, height };
-        Ok(match (rectified, p) {
-            (true, []) if k.iter().any(|&number| number != 0.0) => {
-                return Err("P has no values, expected 12 for rectified images".to_owned());
-            }
-            (true, p) => CameraDescription::of_projection(size, p),
-            (false, _) => CameraDescription::new(size, k, model, d),
-        })
+        Ok(CameraDescription::of_matrices(size, CameraMatrices { k, p }, model, d, rectified))
     };
     match kind.form {
         MessageFormat::Ros => Ok(CameraDescription::of_ros(&cdr::decode::<CameraInfo<'_>>(data)?, rectified)),
@@ -258,7 +252,7 @@ mod tests {
         };
         let message = serde_json::to_vec(&calibration).unwrap();
         let kind = ChannelKind { content: Content::Camera, form: MessageFormat::FoxgloveJson };
-        let read = camera(kind, &message, READ_MODE).unwrap().unwrap();
+        let read = camera(kind, &message, READ_MODE).unwrap();
         assert_eq!(read.intrinsics, [500.0, 501.0, 320.0, 240.0]);
         assert_eq!((read.distortion_model.as_str(), read.coefficients.len()), ("plumb_bob", 5));
     }
@@ -281,7 +275,7 @@ mod tests {
             assert_eq!(of_protobuf, camera(kind(MessageFormat::FoxgloveJson), &text, read_mode));
             of_protobuf
         };
-        assert!(read(&good, false).unwrap().is_some());
+        assert_eq!(read(&good, false).unwrap().fault, None);
         for length in [1, 4, 6, 8, 10, 12] {
             let k = vec![1.0; length];
             let error = read(&protobuf::CameraCalibration { k, ..good.clone() }, false).unwrap_err();
@@ -292,8 +286,12 @@ mod tests {
         assert_eq!(error, "R has 3 values, expected 9");
         let error = read(&protobuf::CameraCalibration { p: vec![1.0; 9], ..good.clone() }, true).unwrap_err();
         assert_eq!(error, "P has 9 values, expected 12");
-        assert_eq!(read(&good, true).unwrap_err(), "P has no values, expected 12 for rectified images");
-        assert_eq!(read(&protobuf::CameraCalibration { k: Vec::new(), ..good }, false), Ok(None));
+        let fault = |calibration: &protobuf::CameraCalibration, rectified| {
+            read(calibration, rectified).unwrap().fault.unwrap()
+        };
+        assert_eq!(fault(&good, true), "P has no values, but the images are rectified");
+        let unknown = protobuf::CameraCalibration { k: Vec::new(), ..good };
+        assert_eq!(fault(&unknown, false), "it is not calibrated: K has no values");
     }
 
     #[test]

@@ -53,6 +53,7 @@
 
 mod bag;
 mod camera;
+mod camera_topic;
 mod cdr;
 mod channel;
 mod channels;
@@ -73,6 +74,7 @@ mod mount;
 mod obstacles;
 mod other_files;
 mod parts;
+mod peek;
 mod reader;
 mod record;
 mod records;
@@ -81,6 +83,7 @@ mod topics;
 mod writer;
 
 pub use camera::CameraDescription;
+pub use camera_topic::camera_topic;
 pub use encoding::{BayerPattern, ImageEncoding};
 pub use error::{RecordingError, RecordingErrorKind};
 pub use frame_record::{CloudRecord, DepthRecord, EncodedImage, FrameRecord, ScaleRecord, WriterOptions};
@@ -91,5 +94,4 @@ pub use obstacles::ObstaclesRecord;
 pub use other_files::{conversion_hint, recording_of_another_format};
 pub use parts::{files, is_recording};
 pub use reader::{Next, Recording, model_of_results};
-pub use topics::camera_topic;
 pub use writer::RecordingWriter;

@@ -1,24 +1,20 @@
 //! A recording as a sequence of images with their camera.
 
-use std::cell::RefCell;
-use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use crate::bag::{Bag, RecordingPart};
 use crate::camera::CameraDescription;
 use crate::channel::Channel;
-use crate::channels::{Channels, FirstImages, RecordingTopics};
+use crate::channels::{Channels, RecordingTopics};
 use crate::damage::Damage;
 use crate::decode::{self, ReadMode};
 use crate::image::{Purpose, RecordedImage};
+use crate::peek::{LOOK_AHEAD, LOOK_AHEAD_BYTES, Peek};
 use crate::record::Record;
 use crate::records::Records;
 use crate::writer::ABOUT;
 use crate::{RecordingError, parts};
 
-/// The number of records, and of bytes in messages, that are searched for the camera of the first images.
-const LOOK_AHEAD: usize = 10_000;
-const LOOK_AHEAD_BYTES: usize = 64 << 20;
 /// How many records without an image are read before [`Recording::next`] returns [`Next::Nothing`].
 const RECORDS_PER_CALL: usize = 256;
 
@@ -122,8 +118,12 @@ impl Recording {
         topic: String,
         read_mode: ReadMode,
     ) -> Result<Self, RecordingError> {
+        let (camera_topic, first_camera) = match topics.camera_topic(&topic) {
+            Ok(camera_topic) => (camera_topic, None),
+            Err(reason) => (None, Some(CameraDescription::unusable(reason))),
+        };
         let mut recording = Self {
-            camera_topic: topics.camera_topic(&topic),
+            camera_topic,
             read_mode,
             count: topics.count(&topic),
             topic,
@@ -133,8 +133,8 @@ impl Recording {
             missing: bag.missing,
             damage: Damage::default(),
             part: 0,
-            camera: None,
-            first_camera: None,
+            camera: first_camera.clone(),
+            first_camera,
             images: 0,
         };
         recording.find_first_camera()?;
@@ -268,9 +268,8 @@ impl Recording {
                 decode::camera(kind, data, read_mode).ok()
             });
             match found {
-                // An uncalibrated camera will not be calibrated later.
                 Ok(Some(Some(camera))) => {
-                    self.first_camera = camera;
+                    self.first_camera = Some(camera);
                     break;
                 }
                 Ok(Some(None)) if bytes < LOOK_AHEAD_BYTES => {}
@@ -288,56 +287,4 @@ enum RecordOutcome {
     /// The number of images in the previous chunk.
     Index(u64),
     Other,
-}
-
-/// Reads the first message of topics, to see whether they carry depth.
-struct Peek<'a>(&'a [RecordingPart]);
-
-impl FirstImages for Peek<'_> {
-    fn are_depth(&self, topics: &BTreeSet<&str>) -> BTreeMap<String, bool> {
-        let found = RefCell::new(BTreeMap::new());
-        for part in self.0 {
-            // A file that cannot be read is reported by the next read.
-            let _ = peek(&part.path, topics, &mut found.borrow_mut());
-            if found.borrow().len() == topics.len() {
-                break;
-            }
-        }
-        found.into_inner()
-    }
-}
-
-fn peek(
-    path: &Path,
-    topics: &BTreeSet<&str>,
-    found: &mut BTreeMap<String, bool>,
-) -> Result<(), RecordingError> {
-    let (mut records, mut channels, mut bytes) = (Records::open(path)?, Channels::default(), 0);
-    for _ in 0..LOOK_AHEAD {
-        let more = records.next(|record| {
-            channels.learn(&record);
-            let Record::Message { channel_id, data, .. } = record else { return };
-            bytes += data.len();
-            let Some(channel) = channels.get(channel_id) else { return };
-            if !topics.contains(channel.topic.as_str()) || found.contains_key(&channel.topic) {
-                return;
-            }
-            let read_mode = ReadMode { purpose: Purpose::Color, rectified: false };
-            let mut image = RecordedImage::default();
-            let read = channel.kind().map(|kind| decode::image(kind, data, read_mode, &mut image));
-            let is_depth = match read {
-                Some(Ok(())) => image.encoding.is_some_and(|encoding| encoding.is_depth()),
-                Some(Err(reason)) => reason.ends_with("is depth, not an image"),
-                None => false,
-            };
-            found.insert(channel.topic.clone(), is_depth);
-        });
-        if matches!(more, Err(RecordingError::DamagedChunk { .. })) {
-            continue;
-        }
-        if more?.is_none() || found.len() == topics.len() || bytes > LOOK_AHEAD_BYTES {
-            break;
-        }
-    }
-    Ok(())
 }

@@ -40,6 +40,9 @@ const INFRARED: [&str; 10] =
     ["infra", "infrared", "ir", "nir", "lwir", "thermal", "mono", "gray", "grey", "intensity"];
 const COLOR: [&str; 5] = ["color", "colour", "rgb", "bgr", "colored"];
 
+/// Words for rectified images.
+const RECTIFIED: [&str; 2] = ["rect", "rectified"];
+
 /// Names of `image_transport`s that follow an image's topic.
 const TRANSPORTS: [&str; 5] = ["compressed", "compressedDepth", "theora", "ffmpeg", "zstd"];
 
@@ -67,17 +70,27 @@ impl TopicContent {
 }
 
 /// A topic without the name of its transport.
-fn stream(topic: &str) -> &str {
+pub(crate) fn stream(topic: &str) -> &str {
     let (parent, last) = topic.rsplit_once('/').unwrap_or(("", topic));
     if TRANSPORTS.contains(&last) { parent } else { topic }
 }
 
-/// The topic on which ROS' drivers describe the camera of an image topic: `camera_info` in its namespace
-/// (`image_transport::getCameraInfoTopic`). A transport's name does not count as a namespace.
-#[must_use]
-pub fn camera_topic(image_topic: &str) -> String {
-    let (namespace, _image) = stream(image_topic).rsplit_once('/').unwrap_or_default();
-    format!("{namespace}/camera_info")
+/// Whether a topic has rectified images, or describes them, by ROS' names: `image_rect`, `image_rect_color`,
+/// `image_color_rect`, `image_rect/compressed`.
+pub(crate) fn is_rectified(topic: &str) -> bool {
+    let is_marked = |part: &str| words(part).any(|word| RECTIFIED.contains(&word.as_str()));
+    // A namespace named `rect` may hold any image; transports follow a part that begins with `image`.
+    is_marked(last_name(stream(topic)))
+        || topic.split('/').any(|part| part.starts_with("image") && is_marked(part))
+}
+
+/// The words of a name, in lower case.
+pub(crate) fn words(name: &str) -> impl Iterator<Item = String> {
+    name.split(|letter: char| !letter.is_alphanumeric()).map(str::to_lowercase)
+}
+
+fn last_name(topic: &str) -> &str {
+    topic.rsplit('/').next().unwrap_or_default()
 }
 
 /// The common prefix of the streams of one camera: `/oak` for `/oak/rgb/image_raw`. `None` if the name
@@ -137,11 +150,25 @@ mod tests {
     }
 
     #[test]
-    fn the_camera_of_an_image_is_in_its_namespace() {
-        for topic in ["/front/image_raw", "/front/image_raw/compressed", "/front/image_rect"] {
-            assert_eq!(camera_topic(topic), "/front/camera_info");
+    fn rectified_images_are_known_by_a_word_of_their_name() {
+        for topic in [
+            "/c/image_rect",
+            "/c/image_rect/compressed",
+            "/c/image_rect/jpeg",
+            "/c/image_rect_color",
+            "/c/image_rect_raw",
+            "/kinect2/qhd/image_color_rect",
+            "/c/image_mono_rect/compressed",
+            "/c/image_rectified",
+            "/c/left_rect",
+        ] {
+            assert!(is_rectified(topic), "{topic}");
         }
-        assert_eq!(camera_topic("/image"), "/camera_info");
+        for topic in
+            ["/c/image_raw", "/c/rect/image", "/c/rectified/image_raw", "/c/image_direct", "/rect/c/image"]
+        {
+            assert!(!is_rectified(topic), "{topic}");
+        }
     }
 
     #[test]

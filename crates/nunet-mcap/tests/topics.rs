@@ -1,0 +1,82 @@
+//! Which topics of a recording are its image, its depth and its camera.
+#![expect(clippy::unwrap_used, reason = "a test may stop at the first thing that is wrong")]
+
+use std::collections::BTreeMap;
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+
+use mcap::WriteOptions;
+use mcap::records::MessageHeader;
+use nunet_mcap::ros::{Header, RawImage, RosMessage, Time};
+use nunet_mcap::{CameraDescription, Next, RecordedImage, Recording};
+
+/// A message on a topic.
+type Message<'a> = (&'a str, RosMessage<'a>);
+
+/// Writes a recording. Its channels are in the order of their first messages.
+fn write(folder: &Path, messages: &[Message<'_>]) -> PathBuf {
+    let mut file = Cursor::new(Vec::new());
+    let mut writer = WriteOptions::new().create(&mut file).unwrap();
+    for (log_time, (topic, message)) in (1..).zip(messages) {
+        let schema_name = match message {
+            RosMessage::CameraInfo(_) => "sensor_msgs/msg/CameraInfo",
+            _ => "sensor_msgs/msg/Image",
+        };
+        let schema = writer.add_schema(schema_name, "ros2msg", b"").unwrap();
+        let channel_id = writer.add_channel(schema, topic, "cdr", &BTreeMap::new()).unwrap();
+        let mut data = Vec::new();
+        let header = Header { stamp: Time { sec: 3, nanosec: 0 }, frame_id: "eye".into() };
+        message.encode(&header, &mut data).unwrap();
+        let header = MessageHeader { channel_id, sequence: 0, log_time, publish_time: log_time };
+        writer.write_to_known_channel(&header, &data).unwrap();
+    }
+    writer.finish().unwrap();
+    drop(writer);
+    let path = folder.join("a.mcap");
+    std::fs::write(&path, file.into_inner()).unwrap();
+    path
+}
+
+fn camera(fx_px: f64) -> CameraDescription {
+    CameraDescription {
+        width: 4,
+        height: 2,
+        intrinsics: [fx_px, fx_px, 1.5, 0.5],
+        ..CameraDescription::default()
+    }
+}
+
+const GRAY: RosMessage<'_> =
+    RosMessage::Image(RawImage { width: 4, height: 2, encoding: "mono8", pixel_bytes: 1, data: &[7; 8] });
+
+#[test]
+fn the_camera_is_chosen_by_its_name_and_not_by_its_place_in_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let (right, wrong) = (camera(100.0), camera(200.0));
+    for (image, good, other) in [
+        ("/left/image_raw", "/left/camera_info", "/left/camera_info_rect"),
+        ("/cam/left_image", "/cam/left_camera_info", "/cam/right_camera_info"),
+    ] {
+        let infos = [(other, RosMessage::CameraInfo(&wrong)), (good, RosMessage::CameraInfo(&right))];
+        for infos in [[infos[0], infos[1]], [infos[1], infos[0]]] {
+            let path = write(folder.path(), &[infos[0], infos[1], (image, GRAY)]);
+            let recording = Recording::open(&path, None).unwrap();
+            assert_eq!(recording.camera().unwrap().intrinsics[0], 100.0, "{image}");
+        }
+    }
+}
+
+#[test]
+fn cameras_that_cannot_be_told_apart_are_a_fault_for_the_whole_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    let one = camera(100.0);
+    let messages =
+        [("/c/b", RosMessage::CameraInfo(&one)), ("/c/a", RosMessage::CameraInfo(&one)), ("/c/image", GRAY)];
+    let mut recording = Recording::open(&write(folder.path(), &messages), None).unwrap();
+    for _ in 0..2 {
+        let fault = recording.camera().unwrap().fault.as_deref();
+        assert_eq!(fault, Some("several topics may describe it: `/c/a`, `/c/b`"));
+        while !matches!(recording.next(&mut RecordedImage::default()), Next::End) {}
+        recording.rewind().unwrap();
+    }
+}
