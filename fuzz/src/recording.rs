@@ -56,7 +56,7 @@ fn check(image: &RecordedImage) {
     let encoding = image.encoding.expect("an image that was read has an encoding");
     let rows = image.height as usize * image.row_stride as usize;
     match encoding {
-        ImageEncoding::File => assert!(image.data.len() > 3),
+        ImageEncoding::File | ImageEncoding::BayerFile(_) => assert!(image.data.len() > 3),
         ImageEncoding::Nv12 => assert!(image.data.len() >= rows / 2 * 3),
         _ => assert!(rows > 0 && image.data.len() >= rows),
     }

@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::channel::{Channel, ChannelKind};
 use crate::record::Record;
 use crate::records::Records;
-use crate::topics::{color_topics, depth_topics};
+use crate::topics::{color_topics, depth_topics, one_transport_each};
 use crate::{RecordingError, camera_topic};
 
 /// The known channels of one file.
@@ -178,6 +178,7 @@ impl RecordingTopics {
         if depth.is_empty() {
             let are_depth = first.are_depth(&all.iter().copied().collect());
             depth = all.into_iter().filter(|topic| are_depth.get(*topic) == Some(&true)).collect();
+            depth = one_transport_each(&depth);
         }
         match depth.as_slice() {
             [] => Err(self
@@ -307,5 +308,15 @@ mod tests {
         assert_eq!(camera("/b/image_raw").as_deref(), Some("/b/camera_info"));
         assert_eq!(camera("/a/image_raw/compressed").as_deref(), Some("/a/camera_info"));
         assert_eq!(camera("/c/image_raw"), None);
+    }
+
+    #[test]
+    fn depth_that_is_stored_raw_and_compressed_is_one_stream() {
+        let compressed = "/oak/stereo/image_raw/compressed";
+        let all =
+            [("/oak/stereo/image_raw", IMAGE, "cdr"), (compressed, "sensor_msgs/msg/CompressedImage", "cdr")];
+        let depth = Depth(&["/oak/stereo/image_raw", "/oak/stereo/image_raw/compressed"]);
+        let topic = topics(&all).depth_topic(Path::new("a.mcap"), None, &depth).unwrap();
+        assert_eq!(topic, "/oak/stereo/image_raw");
     }
 }

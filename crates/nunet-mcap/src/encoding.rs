@@ -19,6 +19,8 @@ pub enum BayerPattern {
 pub enum ImageEncoding {
     /// A JPEG or PNG file.
     File,
+    /// A JPEG or PNG file of one channel, behind a color filter.
+    BayerFile(BayerPattern),
     /// Three bytes a pixel: red, green, blue.
     Rgb8,
     /// Three bytes a pixel: blue, green, red.
@@ -119,7 +121,7 @@ impl ImageEncoding {
     pub(crate) fn row_bytes(self, width: u32) -> u64 {
         let width = u64::from(width);
         match self {
-            Self::File => 0,
+            Self::File | Self::BayerFile(_) => 0,
             Self::Mono8 | Self::Bayer8(_) => width,
             Self::Nv12 | Self::Nv21 | Self::I420 | Self::Yv12 => width,
             Self::Yuyv | Self::Uyvy => 2 * width,

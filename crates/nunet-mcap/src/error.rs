@@ -255,7 +255,7 @@ impl Hint for RecordingError {
             }
             Self::SeveralTopics { .. } | Self::SeveralDepths { .. } => "name one of the topics".into(),
             Self::NoDepth { topics, .. } => format!(
-                "depth is read from images in 32FC1 or 16UC1 and from compressedDepth; name the topic if it is one of \
+                "depth is read from images in 32FC1 or 16UC1 (raw or PNG) and from compressedDepth; name the topic if it is one of \
                  {topics}"
             )
             .into(),

@@ -8,6 +8,8 @@ use crate::messages::{CompressedImage, Image};
 
 const JPEG: [u8; 3] = [0xff, 0xd8, 0xff];
 const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
+/// How the error for depth on a topic that is read as images ends.
+pub(crate) const IS_DEPTH: &str = "is depth, not an image";
 
 /// How the images of a topic are interpreted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,11 +29,11 @@ pub struct RecordedImage {
     pub data: Vec<u8>,
     /// How the bytes are laid out; `None` before the first image.
     pub encoding: Option<ImageEncoding>,
-    /// Pixels; 0 for [`ImageEncoding::File`], which states it itself.
+    /// Pixels; 0 for files, which state it themselves.
     pub width: u32,
-    /// Pixels; 0 for [`ImageEncoding::File`].
+    /// Pixels; 0 for files.
     pub height: u32,
-    /// Bytes from row to row; 0 for [`ImageEncoding::File`].
+    /// Bytes from row to row; 0 for files.
     pub row_stride: u32,
     /// Time of capture as the message states it, nanoseconds since 1970; 0 if it states none.
     pub stamp_nanos: i64,
@@ -109,21 +111,34 @@ impl RecordedImage {
     }
 
     /// A compressed image: JPEG and PNG are recognized by their first bytes, since formats are written in many ways
-    /// ("rgb8; jpeg compressed bgr8").
+    /// ("rgb8; jpeg compressed bgr8"). The encoding before the semicolon is that of the image before compression.
     pub(crate) fn set_file(&mut self, data: &[u8], format: &str, purpose: Purpose) -> Result<(), String> {
-        if compressed_depth::is_named(format) {
-            return match purpose {
-                Purpose::Depth => self.set_depth(compressed_depth::decode(data, format)?),
-                Purpose::Color | Purpose::Infrared => Err(format!("`{format:.60}` is depth, not an image")),
-            };
+        let original = format.split_once(';').and_then(|(name, _)| ImageEncoding::named(name.trim()));
+        let is_transport = compressed_depth::is_named(format);
+        // `16UC1` is brightness then, as in raw images.
+        let is_brightness = original == Some(ImageEncoding::DepthMillimeters) && purpose == Purpose::Infrared;
+        let is_depth = is_transport || (original.is_some_and(ImageEncoding::is_depth) && !is_brightness);
+        if is_depth && purpose != Purpose::Depth {
+            return Err(format!("`{format:.60}` {IS_DEPTH}"));
+        }
+        if is_transport {
+            return self.set_depth(compressed_depth::decode(data, format)?);
         }
         if !data.starts_with(&JPEG) && !data.starts_with(PNG) {
             return Err(format!("compressed as `{format:.60}`, expected JPEG or PNG"));
         }
         if purpose == Purpose::Depth {
+            if original == Some(ImageEncoding::DepthMeters) {
+                return Err(format!("`{format:.60}` has no unit: JPEG and PNG have whole numbers only"));
+            }
             return self.set_depth(compressed_depth::decode_png(data)?);
         }
-        self.encoding = Some(ImageEncoding::File);
+        self.encoding = Some(match original {
+            Some(ImageEncoding::Bayer8(pattern) | ImageEncoding::Bayer16(pattern)) => {
+                ImageEncoding::BayerFile(pattern)
+            }
+            _ => ImageEncoding::File,
+        });
         (self.width, self.height, self.row_stride) = (0, 0, 0);
         data.clone_into(&mut self.data);
         Ok(())
@@ -173,6 +188,7 @@ impl RecordedImage {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::encoding::BayerPattern;
 
     fn set_as(
         purpose: Purpose,
@@ -259,5 +275,42 @@ mod tests {
         assert_eq!(error, "compressed as `webp`, expected JPEG or PNG");
         let error = image.set_file(&jpeg, "16UC1; compressedDepth png", Purpose::Color).unwrap_err();
         assert_eq!(error, "`16UC1; compressedDepth png` is depth, not an image");
+    }
+    #[test]
+    fn depth_in_a_png_is_depth_by_the_encoding_before_its_format() {
+        let mut png = std::io::Cursor::new(Vec::new());
+        let values = image::ImageBuffer::<image::Luma<u16>, _>::from_raw(2, 1, vec![0, 1500]).unwrap();
+        values.write_to(&mut png, image::ImageFormat::Png).unwrap();
+        let png = png.into_inner();
+        let mut image = RecordedImage::default();
+        for format in ["16UC1; png compressed ", "32FC1; png compressed ", "32FC1; tiff compressed"] {
+            let error = image.set_file(&png, format, Purpose::Color).unwrap_err();
+            assert_eq!(error, format!("`{format}` is depth, not an image"));
+        }
+        for format in ["16UC1; png compressed ", "mono16; png compressed ", "png"] {
+            image.set_file(&png, format, Purpose::Depth).unwrap();
+            let depth_m = image.depth_m();
+            assert!(depth_m[0].is_nan() && depth_m[1] == 1.5, "{format}: {depth_m:?}");
+        }
+        let error = image.set_file(&png, "32FC1; png compressed ", Purpose::Depth).unwrap_err();
+        assert!(error.contains("has no unit"), "{error}");
+        image.set_file(&png, "16UC1; png compressed ", Purpose::Infrared).unwrap();
+        assert_eq!(image.encoding, Some(ImageEncoding::File), "it is brightness");
+        image.set_file(&png, "mono16; png compressed ", Purpose::Color).unwrap();
+        assert_eq!(image.encoding, Some(ImageEncoding::File));
+    }
+
+    #[test]
+    fn the_pattern_of_a_mosaic_in_a_file_is_before_its_format() {
+        let mut image = RecordedImage::default();
+        let jpeg = [0xff, 0xd8, 0xff, 0xe0];
+        for (format, pattern) in [
+            ("bayer_rggb8; png compressed ", BayerPattern::Rggb),
+            ("bayer_gbrg16; png compressed bayer_gbrg16", BayerPattern::Gbrg),
+            ("bayer_grbg8; jpeg compressed", BayerPattern::Grbg),
+        ] {
+            image.set_file(&jpeg, format, Purpose::Color).unwrap();
+            assert_eq!(image.encoding, Some(ImageEncoding::BayerFile(pattern)), "{format}");
+        }
     }
 }

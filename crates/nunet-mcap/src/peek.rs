@@ -8,7 +8,7 @@ use crate::RecordingError;
 use crate::bag::RecordingPart;
 use crate::channels::{Channels, FirstImages};
 use crate::decode::{self, ReadMode};
-use crate::image::{Purpose, RecordedImage};
+use crate::image::{IS_DEPTH, RecordedImage};
 use crate::record::Record;
 use crate::records::Records;
 
@@ -48,12 +48,12 @@ fn peek(
             if !topics.contains(channel.topic.as_str()) || found.contains_key(&channel.topic) {
                 return;
             }
-            let read_mode = ReadMode { purpose: Purpose::Color, rectified: false };
+            let read_mode = ReadMode::of_image_topic(&channel.topic);
             let mut image = RecordedImage::default();
             let read = channel.kind().map(|kind| decode::image(kind, data, read_mode, &mut image));
             let is_depth = match read {
                 Some(Ok(())) => image.encoding.is_some_and(|encoding| encoding.is_depth()),
-                Some(Err(reason)) => reason.ends_with("is depth, not an image"),
+                Some(Err(reason)) => reason.ends_with(IS_DEPTH),
                 None => false,
             };
             found.insert(channel.topic.clone(), is_depth);

@@ -102,7 +102,7 @@ fn device(topic: &str) -> Option<&str> {
 }
 
 /// Keeps one transport of each stream: the raw image is preferred to the compressed one.
-fn one_transport_each<'a>(topics: &[&'a str]) -> Vec<&'a str> {
+pub(crate) fn one_transport_each<'a>(topics: &[&'a str]) -> Vec<&'a str> {
     let shortest = |topic: &&str| topics.iter().all(|other| stream(other) != stream(topic) || other >= topic);
     topics.iter().copied().filter(shortest).collect()
 }

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use mcap::WriteOptions;
 use mcap::records::MessageHeader;
 use nunet_mcap::ros::{Header, RawImage, RosMessage, Time};
-use nunet_mcap::{CameraDescription, Next, RecordedImage, Recording};
+use nunet_mcap::{CameraDescription, EncodedImage, Next, RecordedImage, Recording};
 
 /// A message on a topic.
 type Message<'a> = (&'a str, RosMessage<'a>);
@@ -20,6 +20,7 @@ fn write(folder: &Path, messages: &[Message<'_>]) -> PathBuf {
     for (log_time, (topic, message)) in (1..).zip(messages) {
         let schema_name = match message {
             RosMessage::CameraInfo(_) => "sensor_msgs/msg/CameraInfo",
+            RosMessage::CompressedImage(_) => "sensor_msgs/msg/CompressedImage",
             _ => "sensor_msgs/msg/Image",
         };
         let schema = writer.add_schema(schema_name, "ros2msg", b"").unwrap();
@@ -48,6 +49,14 @@ fn camera(fx_px: f64) -> CameraDescription {
 
 const GRAY: RosMessage<'_> =
     RosMessage::Image(RawImage { width: 4, height: 2, encoding: "mono8", pixel_bytes: 1, data: &[7; 8] });
+
+/// A PNG of two pixels of 16 bits.
+fn png(values: [u16; 2]) -> Vec<u8> {
+    let mut file = Cursor::new(Vec::new());
+    let image = image::ImageBuffer::<image::Luma<u16>, _>::from_raw(2, 1, values.to_vec()).unwrap();
+    image.write_to(&mut file, image::ImageFormat::Png).unwrap();
+    file.into_inner()
+}
 
 #[test]
 fn the_camera_is_chosen_by_its_name_and_not_by_its_place_in_the_file() {
@@ -79,4 +88,30 @@ fn cameras_that_cannot_be_told_apart_are_a_fault_for_the_whole_recording() {
         while !matches!(recording.next(&mut RecordedImage::default()), Next::End) {}
         recording.rewind().unwrap();
     }
+}
+
+#[test]
+fn depth_in_a_png_is_not_color() {
+    let folder = tempfile::tempdir().unwrap();
+    let (depth, gray) = (png([0, 1500]), png([7, 9]));
+    let compressed = |format, data| RosMessage::CompressedImage(EncodedImage { format, data });
+    let messages = [
+        ("/oak/left/image_raw/compressed", compressed("mono16; png compressed ", &gray)),
+        ("/oak/stereo/image_raw/compressed", compressed("16UC1; png compressed ", &depth)),
+    ];
+    let path = write(folder.path(), &messages);
+    assert_eq!(Recording::open(&path, None).unwrap().topic(), "/oak/left/image_raw/compressed");
+    let mut depths = Recording::open_depth(&path, None).unwrap();
+    assert_eq!(depths.topic(), "/oak/stereo/image_raw/compressed");
+    let mut image = RecordedImage::default();
+    while !matches!(depths.next(&mut image), Next::Image) {}
+    assert_eq!(image.depth_m()[1], 1.5);
+}
+
+#[test]
+fn sixteen_bits_of_a_thermal_camera_are_brightness() {
+    let folder = tempfile::tempdir().unwrap();
+    let raw = RawImage { width: 1, height: 1, encoding: "16UC1", pixel_bytes: 2, data: &[7, 1] };
+    let path = write(folder.path(), &[("/thermal/image_raw", RosMessage::Image(raw))]);
+    assert_eq!(Recording::open(&path, None).unwrap().topic(), "/thermal/image_raw");
 }

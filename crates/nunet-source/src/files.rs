@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use nunet_ipc::{Clock, monotonic_nanos, unix_nanos};
 
+use crate::bit_depth::BitDepthCheck;
 use crate::error::{SourceError, SourceErrorKind};
 use crate::image_file::{decode, first_bytes};
 use crate::listing::{list, listed_files, would_list};
@@ -47,6 +48,7 @@ pub(crate) struct Files {
     repeat: bool,
     /// Whether any image of this round could be read.
     any_good: bool,
+    bit_depth: BitDepthCheck,
 }
 
 impl Files {
@@ -58,7 +60,15 @@ impl Files {
         if paths.is_empty() {
             return Err(no_images(path));
         }
-        Ok(Self { paths, next: 0, sequence: 0, segment: 0, repeat, any_good: false })
+        Ok(Self {
+            paths,
+            next: 0,
+            sequence: 0,
+            segment: 0,
+            repeat,
+            any_good: false,
+            bit_depth: BitDepthCheck::default(),
+        })
     }
 }
 
@@ -83,8 +93,13 @@ impl Source for Files {
         self.next += 1;
         frame.sequence = self.sequence;
         self.sequence += 1;
-        if let Err(error) = decode(path, frame) {
-            return Fill::Failed(error.context(format!("cannot read the image `{}`", path.display())));
+        match decode(path, frame) {
+            Ok(decoded) => {
+                self.bit_depth.check(|| decoded.maximum_16_bit, format_args!("`{}`", path.display()));
+            }
+            Err(error) => {
+                return Fill::Failed(error.context(format!("cannot read the image `{}`", path.display())));
+            }
         }
         let nanos = monotonic_nanos();
         frame.capture = CaptureTime { nanos, clock: Clock::Monotonic, unix_nanos: unix_nanos() };

@@ -15,6 +15,7 @@ use nunet_core::frame::MAX_SIDE_PX;
 use nunet_core::plain_file;
 use nunet_types::ImageSize;
 
+use crate::convert::{self, Bayer, RawImageView, RawLayout};
 use crate::error::{SourceError, SourceErrorKind};
 use crate::{Frame, Rotation, jpeg};
 
@@ -31,32 +32,55 @@ const MAGIC_BYTES: u64 = 32;
 
 type Result<T> = std::result::Result<T, SourceError>;
 
+/// What a file had that is not in the frame.
+#[derive(Debug, Clone, Copy)]
+pub struct DecodedFile {
+    /// How the image was rotated.
+    pub orientation: Orientation,
+    /// The largest 16-bit value, without alpha; `None` for images of 8 bits.
+    pub maximum_16_bit: Option<u16>,
+}
+
 /// Decodes one JPEG or PNG as RGB, rotated upright, into the frame's own memory; the file is kept in the
 /// frame.
 ///
 /// # Errors
 /// No such file, neither JPEG nor PNG, damaged, incomplete, or larger than the limits.
-pub fn decode(path: &Path, frame: &mut Frame) -> Result<()> {
+pub fn decode(path: &Path, frame: &mut Frame) -> Result<DecodedFile> {
     let mut file = std::mem::take(&mut frame.file);
     file.clear();
     read(path, &mut file)?;
     frame.file = file;
-    decode_file(frame).map(drop)
+    decode_file(frame)
 }
 
-/// Decodes the file in the frame, and returns how the image was rotated.
+/// Decodes the file in the frame.
 ///
 /// # Errors
 /// As [`decode`].
-pub fn decode_file(frame: &mut Frame) -> Result<Orientation> {
+pub fn decode_file(frame: &mut Frame) -> Result<DecodedFile> {
+    decode_file_or_mosaic(frame, None)
+}
+
+/// Decodes the file in the frame. One of a single channel is a mosaic with this pattern, and is not kept: programs that
+/// read it would show it in gray.
+///
+/// # Errors
+/// As [`decode`].
+#[cfg(feature = "mcap")]
+pub(crate) fn decode_mosaic(frame: &mut Frame, pattern: Bayer) -> Result<DecodedFile> {
+    decode_file_or_mosaic(frame, Some(pattern))
+}
+
+fn decode_file_or_mosaic(frame: &mut Frame, mosaic: Option<Bayer>) -> Result<DecodedFile> {
     let mut file = std::mem::take(&mut frame.file);
     if let Some(complete) = jpeg::with_tables(&file) {
         file = complete;
     }
-    let decoded = decode_bytes(&mut file, frame);
+    let decoded = decode_bytes(&mut file, frame, mosaic);
     frame.file = file;
     // The rotated image differs from its file, which readers do not rotate.
-    if !matches!(decoded, Ok(Orientation::NoTransforms)) {
+    if !matches!(decoded, Ok(DecodedFile { orientation: Orientation::NoTransforms, .. })) {
         frame.file.clear();
         frame.is_turned = decoded.is_ok();
     }
@@ -64,7 +88,7 @@ pub fn decode_file(frame: &mut Frame) -> Result<Orientation> {
 }
 
 /// Decodes `file`, cuts off what follows the image in it, and adds a missing end-of-image marker.
-fn decode_bytes(file: &mut Vec<u8>, frame: &mut Frame) -> Result<Orientation> {
+fn decode_bytes(file: &mut Vec<u8>, frame: &mut Frame, mosaic: Option<Bayer>) -> Result<DecodedFile> {
     if format_of(file)? == ImageFormat::Jpeg {
         let end = jpeg::check(file).map_err(|error| {
             SourceError::bad_frame(error.to_string()).with_hint("copy or record it again")
@@ -81,13 +105,45 @@ fn decode_bytes(file: &mut Vec<u8>, frame: &mut Frame) -> Result<Orientation> {
     check_memory(&decoder, as_it_is)?;
     if as_it_is {
         decoder.read_image(frame.rgb_buffer(size)).map_err(undecodable)?;
-        return Ok(orientation);
+        return Ok(DecodedFile { orientation, maximum_16_bit: None });
     }
     let mut image = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
+    let maximum_16_bit = maximum_16_bit(&image);
+    if mosaic.is_some_and(|pattern| demosaic(&image, pattern, frame)) {
+        file.clear();
+        // Its camera describes it as it is stored.
+        return Ok(DecodedFile { orientation: Orientation::NoTransforms, maximum_16_bit });
+    }
     image.apply_orientation(orientation);
     let image = image.into_rgb8();
     frame.rgb_buffer(image.dimensions().into()).copy_from_slice(&image);
-    Ok(orientation)
+    Ok(DecodedFile { orientation, maximum_16_bit })
+}
+
+/// Fills the frame from a mosaic. Returns false if the image has several channels: it had its colors when it was
+/// compressed.
+fn demosaic(image: &DynamicImage, pattern: Bayer, frame: &mut Frame) -> bool {
+    let (bytes, values): (usize, Cow<'_, [u8]>) = match image {
+        DynamicImage::ImageLuma8(image) => (1, image.as_raw().into()),
+        DynamicImage::ImageLuma16(image) => (2, image.iter().flat_map(|value| value.to_le_bytes()).collect()),
+        _ => return false,
+    };
+    let size = ImageSize::new(image.width(), image.height());
+    let layout = RawLayout::Mosaic { pattern, bytes };
+    let row_stride = layout.min_stride(size.width);
+    convert::fill(frame, RawImageView { layout, size, row_stride, bytes: &values })
+}
+
+fn maximum_16_bit(image: &DynamicImage) -> Option<u16> {
+    match image {
+        DynamicImage::ImageLuma16(image) => image.iter().copied().max(),
+        DynamicImage::ImageLumaA16(image) => image.pixels().map(|pixel| pixel.0[0]).max(),
+        DynamicImage::ImageRgb16(image) => image.iter().copied().max(),
+        DynamicImage::ImageRgba16(image) => {
+            image.pixels().flat_map(|pixel| [0, 1, 2].map(|at| pixel.0[at])).max()
+        }
+        _ => None,
+    }
 }
 
 fn undecodable(error: ImageError) -> SourceError {

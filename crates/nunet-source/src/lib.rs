@@ -19,7 +19,6 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-#[cfg(feature = "mcap")]
 mod bit_depth;
 mod camera_file;
 mod camera_resolver;
@@ -57,13 +56,16 @@ mod source_type;
 #[cfg(feature = "v4l2")]
 mod v4l2;
 
+pub use bit_depth::BitDepthCheck;
 pub use camera_file::CameraFile;
 pub use camera_resolver::{CameraGeometry, CameraNews, CameraResolver, read_calibration};
 pub use camera_settings::{CameraSetting, CameraSettings};
 pub use continuity::{Continuity, Discontinuity};
 pub use error::{SourceError, SourceErrorKind};
 pub use frame::{CaptureTime, Frame, Pixels};
-pub use image_file::{IMAGE_EXTENSIONS, SingleChannelImage, decode, decode_file, decode_numbers, glance};
+pub use image_file::{
+    DecodedFile, IMAGE_EXTENSIONS, SingleChannelImage, decode, decode_file, decode_numbers, glance,
+};
 pub use listing::{list, listed_files, would_list};
 pub use mailbox::{Mailbox, Put, Reuse, Taken};
 pub use notify::Notify;

@@ -1,19 +1,18 @@
 //! Images of ROS 2 and Foxglove, recorded or live, as frames.
 
+use image::metadata::Orientation;
 use nunet_core::camera::{Calibration, Camera, RosCameraInfo};
 use nunet_core::frame::PixelFormat;
 use nunet_mcap::{BayerPattern, CameraDescription, ImageEncoding, RecordedImage};
 use nunet_types::{ImageSize, SensorRegion};
 use tracing::warn;
 
-use crate::bit_depth::BitDepthCheck;
+use crate::Frame;
+use crate::bit_depth::{self, BitDepthCheck};
 use crate::convert::{self, Bayer, RawImageView, RawLayout};
 use crate::error::SourceError;
+use crate::image_file::{decode_file, decode_mosaic};
 use crate::orientation::oriented_camera;
-use crate::{Frame, decode_file};
-
-/// Orientation of an image that was not turned.
-const UPRIGHT: image::metadata::Orientation = image::metadata::Orientation::NoTransforms;
 
 /// Turns the images of a topic into frames.
 #[derive(Default)]
@@ -31,31 +30,51 @@ impl ImageConverter {
         topic: &str,
         described: Option<&CameraDescription>,
     ) -> Result<(), SourceError> {
-        let mut orientation = UPRIGHT;
-        if image.encoding == Some(ImageEncoding::File) {
-            std::mem::swap(&mut frame.file, &mut image.data);
-            orientation = decode_file(frame)?;
-        } else {
-            frame.file.clear();
-            let layout = layout(image.encoding).ok_or_else(|| {
-                SourceError::bad_frame(format!("topic `{topic}` carries depth"))
-                    .with_hint("name a topic with images")
-            })?;
-            let size = ImageSize::new(image.width, image.height);
-            let raw = RawImageView { layout, size, row_stride: image.row_stride, bytes: &image.data };
-            if let Some(maximum) = self.bit_depth.dim_maximum(&raw) {
-                let hint = "scale the values to 16 bits before recording: 10 bits by 64, 12 bits by 16";
-                warn!(
-                    hint,
-                    "the 16-bit images on topic `{topic}` are almost black: at most {maximum} of 65535"
-                );
+        let orientation = match image.encoding {
+            Some(ImageEncoding::File) => self.fill_from_file(frame, image, topic, None)?,
+            Some(ImageEncoding::BayerFile(pattern)) => {
+                self.fill_from_file(frame, image, topic, Some(bayer(pattern)))?
             }
-            if !convert::fill(frame, raw) {
-                return Err(SourceError::bad_frame(format!("an image on topic `{topic}` has too few bytes")));
-            }
-        }
+            _ => self.fill_from_raw(frame, image, topic)?,
+        };
         frame.camera = self.cameras.camera(topic, described, frame.size, orientation);
         Ok(())
+    }
+
+    fn fill_from_file(
+        &mut self,
+        frame: &mut Frame,
+        image: &mut RecordedImage,
+        topic: &str,
+        mosaic: Option<Bayer>,
+    ) -> Result<Orientation, SourceError> {
+        std::mem::swap(&mut frame.file, &mut image.data);
+        let decoded = match mosaic {
+            Some(pattern) => decode_mosaic(frame, pattern)?,
+            None => decode_file(frame)?,
+        };
+        self.bit_depth.check(|| decoded.maximum_16_bit, format_args!("topic `{topic}`"));
+        Ok(decoded.orientation)
+    }
+
+    fn fill_from_raw(
+        &mut self,
+        frame: &mut Frame,
+        image: &RecordedImage,
+        topic: &str,
+    ) -> Result<Orientation, SourceError> {
+        frame.file.clear();
+        let layout = layout(image.encoding).ok_or_else(|| {
+            SourceError::bad_frame(format!("topic `{topic}` carries depth"))
+                .with_hint("name a topic with images")
+        })?;
+        let size = ImageSize::new(image.width, image.height);
+        let raw = RawImageView { layout, size, row_stride: image.row_stride, bytes: &image.data };
+        self.bit_depth.check(|| bit_depth::maximum(&raw), format_args!("topic `{topic}`"));
+        if !convert::fill(frame, raw) {
+            return Err(SourceError::bad_frame(format!("an image on topic `{topic}` has too few bytes")));
+        }
+        Ok(Orientation::NoTransforms)
     }
 }
 
@@ -73,7 +92,7 @@ impl CameraCache {
         topic: &str,
         described: Option<&CameraDescription>,
         size: ImageSize,
-        orientation: image::metadata::Orientation,
+        orientation: Orientation,
     ) -> Option<Camera> {
         let described = described?;
         let is_same = |(made_of, its_size, its_turn): &(CameraDescription, ImageSize, u8)| {
@@ -91,15 +110,18 @@ impl CameraCache {
     }
 }
 
-/// `None` for depth and for a file that is to be decoded.
-fn layout(encoding: Option<ImageEncoding>) -> Option<RawLayout> {
-    let channels = |format, channels, bytes| Some(RawLayout::Channels { format, channels, bytes });
-    let bayer = |pattern| match pattern {
+fn bayer(pattern: BayerPattern) -> Bayer {
+    match pattern {
         BayerPattern::Rggb => Bayer::RGGB,
         BayerPattern::Bggr => Bayer::BGGR,
         BayerPattern::Gbrg => Bayer::GBRG,
         BayerPattern::Grbg => Bayer::GRBG,
-    };
+    }
+}
+
+/// `None` for depth and for a file that is to be decoded.
+fn layout(encoding: Option<ImageEncoding>) -> Option<RawLayout> {
+    let channels = |format, channels, bytes| Some(RawLayout::Channels { format, channels, bytes });
     match encoding? {
         ImageEncoding::Rgb8 => Some(RawLayout::Direct(PixelFormat::Rgb8)),
         ImageEncoding::Bgr8 => Some(RawLayout::Direct(PixelFormat::Bgr8)),
@@ -128,7 +150,7 @@ fn layout(encoding: Option<ImageEncoding>) -> Option<RawLayout> {
 fn camera(
     described: &CameraDescription,
     size: ImageSize,
-    orientation: image::metadata::Orientation,
+    orientation: Orientation,
 ) -> Result<Camera, String> {
     if let Some(fault) = &described.fault {
         return Err(fault.clone());
@@ -167,7 +189,8 @@ mod tests {
                 coefficients: coefficients.to_vec(),
                 ..CameraDescription::default()
             };
-            camera(&described, ImageSize::new(640, 480), UPRIGHT).map(|camera| camera.distortion.to_ros())
+            camera(&described, ImageSize::new(640, 480), Orientation::NoTransforms)
+                .map(|camera| camera.distortion.to_ros())
         };
         let (barrel, none) = ([-0.3, 0.1, 0.001, 0.0005, 0.02], ("plumb_bob", vec![0.0; 5]));
         assert_eq!(lens(&barrel), Ok(("plumb_bob", barrel.to_vec())));
@@ -183,9 +206,40 @@ mod tests {
             intrinsics: [500.0, 500.0, 320.0, 240.0],
             ..CameraDescription::default()
         };
-        assert_eq!(camera(&described, ImageSize::new(320, 240), UPRIGHT).unwrap().intrinsics.fx_px, 250.0);
+        assert_eq!(
+            camera(&described, ImageSize::new(320, 240), Orientation::NoTransforms).unwrap().intrinsics.fx_px,
+            250.0
+        );
         let faulty = CameraDescription { fault: Some("its region of interest is none".into()), ..described };
-        let error = camera(&faulty, ImageSize::new(320, 240), UPRIGHT).unwrap_err();
+        let error = camera(&faulty, ImageSize::new(320, 240), Orientation::NoTransforms).unwrap_err();
         assert_eq!(error, "its region of interest is none");
+    }
+
+    /// The frame of a PNG on a topic.
+    fn frame_of(image: impl Into<image::DynamicImage>, encoding: ImageEncoding) -> Frame {
+        let mut file = std::io::Cursor::new(Vec::new());
+        image.into().write_to(&mut file, image::ImageFormat::Png).unwrap();
+        let mut recorded =
+            RecordedImage { data: file.into_inner(), encoding: Some(encoding), ..RecordedImage::default() };
+        let mut frame = Frame::default();
+        ImageConverter::default().fill(&mut frame, &mut recorded, "/c/image_raw/compressed", None).unwrap();
+        frame
+    }
+
+    #[test]
+    fn a_mosaic_in_a_file_becomes_the_color_that_it_has_raw() {
+        let color = [200, 100, 50];
+        let mosaic = |x: u32, y: u32| color[(x % 2 + y % 2) as usize];
+        let small = image::GrayImage::from_fn(6, 4, |x, y| image::Luma([mosaic(x, y)]));
+        let wide = image::ImageBuffer::from_fn(6, 4, |x, y| image::Luma([u16::from(mosaic(x, y)) * 256 + 7]));
+        let encoding = ImageEncoding::BayerFile(BayerPattern::Rggb);
+        for frame in [frame_of(small, encoding), frame_of(wide, encoding)] {
+            assert_eq!((frame.size, frame.format), ((6, 4).into(), Some(PixelFormat::Rgb8)));
+            assert!(frame.view().unwrap().bytes().as_chunks().0.iter().all(|&pixel| pixel == color));
+            assert!(frame.file.is_empty() && !frame.is_turned, "the file is gray");
+        }
+        let in_color = frame_of(image::RgbImage::from_pixel(6, 4, image::Rgb(color)), encoding);
+        assert_eq!(in_color.view().unwrap().bytes()[..3], color);
+        assert!(!in_color.file.is_empty(), "it was converted before it was compressed");
     }
 }

@@ -21,7 +21,9 @@ use crate::Outcome;
 use crate::config::{ModelConfig, ObstacleConfig, ProcessingConfig};
 use crate::exit::{BadArguments, warn_of_camera};
 use crate::sink::stats::{Common, ModelName, Stats};
-use crate::source::{CameraResolver, Frame, Rotator, SourceName, decode, glance, list, listed_files};
+use crate::source::{
+    BitDepthCheck, CameraResolver, Frame, Rotator, SourceName, decode, glance, list, listed_files,
+};
 use crate::stream::{Stop, Stopped};
 use nunet_engine::Buffers;
 
@@ -192,10 +194,14 @@ impl Work {
 
     fn infer(&mut self, image: &Path, folder: &Path) -> anyhow::Result<()> {
         let start_nanos = MonotonicClock.nanos();
-        let read = decode(image, &mut self.frame);
         let rotator = self.rotator.as_mut();
-        read.and_then(|()| rotator.map_or(Ok(()), |rotator| rotator.rotate(&mut self.frame)))
+        let maximum = decode(image, &mut self.frame)
+            .and_then(|decoded| {
+                rotator.map_or(Ok(()), |rotator| rotator.rotate(&mut self.frame))?;
+                Ok(decoded.maximum_16_bit)
+            })
             .map_err(|error| unreadable(error.into(), image))?;
+        BitDepthCheck::default().check(|| maximum, format_args!("`{}`", image.display()));
         let ready_nanos = MonotonicClock.nanos();
         warn_of_camera(&self.camera.update(&self.frame, &mut self.pipeline)?);
         // The images are independent.

@@ -162,7 +162,7 @@ impl Calibrator {
         for (image, readings) in by_image {
             let unreadable = |source| EvalError::ReadImage { path: image.clone(), source };
             let rotated = decode(&image, &mut frame)
-                .and_then(|()| rotator.as_mut().map_or(Ok(()), |rotator| rotator.rotate(&mut frame)));
+                .and_then(|_| rotator.as_mut().map_or(Ok(()), |rotator| rotator.rotate(&mut frame)));
             rotated.map_err(unreadable)?;
             self.predict_and_report(&frame, on_event)?;
             for reading in readings {

@@ -150,7 +150,7 @@ impl Dataset {
     pub(crate) fn image(&self, id: &str, frame: &mut Frame) -> Result<(), EvalError> {
         let path = self.path("rgb", id, &IMAGE_EXTENSIONS);
         frame.camera = self.cameras.get(id).copied().or(self.camera);
-        let decoded = decode(&path, frame).and_then(|()| refuse_turned(frame));
+        let decoded = decode(&path, frame).and_then(|_| refuse_turned(frame));
         let decoded =
             decoded.and_then(|()| self.rotation.map_or(Ok(()), |to| Rotator::new(to).rotate(frame)));
         decoded.map_err(|source| EvalError::ReadImage { path, source })

@@ -25,6 +25,23 @@ fn gray_and_transparent_images_become_rgb() {
 }
 
 #[test]
+fn the_largest_16_bit_value_is_known_without_alpha() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    let maximum = |image: DynamicImage| {
+        image.save(&path).unwrap();
+        decode(&path, &mut Frame::default()).unwrap().maximum_16_bit
+    };
+    let rgba = image::ImageBuffer::from_pixel(2, 1, image::Rgba([7_u16, 4095, 8, u16::MAX]));
+    let gray = image::ImageBuffer::from_pixel(2, 1, image::LumaA([1023_u16, u16::MAX]));
+    assert_eq!(maximum(DynamicImage::ImageRgba16(rgba.clone())), Some(4095));
+    assert_eq!(maximum(DynamicImage::ImageRgba16(rgba).to_rgb16().into()), Some(4095));
+    assert_eq!(maximum(DynamicImage::ImageLumaA16(gray.clone())), Some(1023));
+    assert_eq!(maximum(DynamicImage::ImageLumaA16(gray).to_luma16().into()), Some(1023));
+    assert_eq!(maximum(DynamicImage::ImageRgb8(image([70, 70, 70]))), None);
+}
+
+#[test]
 fn an_image_beyond_the_limits_is_refused_before_it_is_decoded() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("wide.png");

@@ -304,7 +304,7 @@ impl CaptureMode {
     /// Decodes the copied image, after the buffer was returned.
     fn decode(&self, frame: &mut Frame) -> Result<(), SourceError> {
         if self.coding == Coding::Jpeg {
-            let orientation = decode_file(frame)?;
+            let orientation = decode_file(frame)?.orientation;
             let is_swapped = orientation.to_exif() >= 5
                 && ImageSize::new(frame.size.height, frame.size.width) == self.size;
             if frame.size != self.size && !is_swapped {
