@@ -50,7 +50,14 @@ fn view(frame: u64) -> Result<(RgbImage, Vec<f32>), Box<dyn Error>> {
 
 fn side_by_side(frame: u64) -> Result<RgbImage, Box<dyn Error>> {
     let (view, depth_m) = view(frame)?;
-    let results = ResultArrays { size: SIZE, depth: &depth_m, metric: true, labels: None, cloud: None };
+    let results = ResultArrays {
+        size: SIZE,
+        depth: &depth_m,
+        metric: true,
+        labels: None,
+        confidence: None,
+        cloud: None,
+    };
     let colors = depth_image(&results);
     let width = view.width() + GAP + colors.width();
     let mut both = RgbImage::from_pixel(width, SIZE.height, Rgb([255, 255, 255]));

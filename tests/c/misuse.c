@@ -55,6 +55,7 @@ static void nulls(void) {
   EXPECT(NUNET_BAD_ARGUMENT, nunet_frame_bytes(NULL, NULL, NULL));
   EXPECT(NUNET_BAD_ARGUMENT, nunet_frame_depth(NULL, NULL, NULL, NULL));
   EXPECT(NUNET_BAD_ARGUMENT, nunet_frame_labels(NULL, NULL, NULL, NULL));
+  EXPECT(NUNET_BAD_ARGUMENT, nunet_frame_confidence(NULL, NULL, NULL, NULL));
   EXPECT(NUNET_BAD_ARGUMENT, nunet_frame_points(NULL, NULL, NULL, NULL));
   EXPECT(NUNET_BAD_ARGUMENT, nunet_frame_stats(NULL, NULL));
   EXPECT(NUNET_OK, nunet_frame_release(NULL));
@@ -122,6 +123,8 @@ static void frames(const char *camera) {
   EXPECT(NUNET_OK, nunet_frame_release(other));
 
   EXPECT(NUNET_WRONG_ENCODING, nunet_frame_labels(kept, &labels, NULL, NULL));
+  HOLDS(labels == NULL);
+  EXPECT(NUNET_WRONG_ENCODING, nunet_frame_confidence(kept, &labels, NULL, NULL));
   HOLDS(labels == NULL);
   EXPECT(NUNET_CLOSED, nunet_frame_header((nunet_frame_t *)reader, &header));
   EXPECT(NUNET_CLOSED, nunet_frame_header((nunet_frame_t *)(size_t)0x1234, &header));

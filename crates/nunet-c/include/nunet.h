@@ -74,6 +74,8 @@ typedef enum nunet_topic_t {
   NUNET_TOPIC_OBSTACLES = 4,
   /** The daemon's counts and latencies: one stats record. */
   NUNET_TOPIC_STATS = 5,
+  /** The confidence of depth: `[height, width]`, `uint8_t`, 255 = certain, 0 where there is no measurement. */
+  NUNET_TOPIC_CONFIDENCE = 6,
 } nunet_topic_t;
 
 /** Values of the header's field `encoding`. */
@@ -98,6 +100,8 @@ typedef enum nunet_encoding_t {
   NUNET_ENCODING_STATS_RECORD = 8,
   /** One obstacle record. */
   NUNET_ENCODING_OBSTACLE_RECORD = 9,
+  /** `[height, width]` bytes, 255 = certain. */
+  NUNET_ENCODING_CONFIDENCE_U8 = 10,
 } nunet_encoding_t;
 
 /** Values of the header's field `units`. */
@@ -174,6 +178,7 @@ typedef enum nunet_bit_t {
   NUNET_BIT_CLOUD = 8,
   NUNET_BIT_OBSTACLES = 16,
   NUNET_BIT_STATS = 32,
+  NUNET_BIT_CONFIDENCE = 64,
 } nunet_bit_t;
 
 /**
@@ -658,7 +663,7 @@ typedef struct {
   /**
    * The frame of each topic, indexed by `nunet_topic_t`; NULL where there is none.
    */
-  nunet_frame_t *frames[6];
+  nunet_frame_t *frames[7];
 } nunet_set_t;
 
 #ifdef __cplusplus
@@ -827,6 +832,17 @@ nunet_status_t nunet_frame_labels(const nunet_frame_t *frame,
                                   const uint8_t **labels,
                                   uint32_t *width,
                                   uint32_t *height);
+
+/**
+ * The confidence of each pixel's depth: `height` rows from the top of `width` bytes, 255 = certain, 0 where there is no
+ * measurement.
+ *
+ * Pointers and failures as in `nunet_frame_depth()`.
+ */
+nunet_status_t nunet_frame_confidence(const nunet_frame_t *frame,
+                                      const uint8_t **confidence,
+                                      uint32_t *width,
+                                      uint32_t *height);
 
 /**
  * A cloud: `height` rows from the top of `width` points in the camera's optical frame (x right, y down, z forward), in

@@ -128,6 +128,7 @@ public:
   View<const float> depth() const { return view<const float>(nunet_frame_depth); }
   /** The class of each pixel. */
   View<const std::uint8_t> labels() const { return view<const std::uint8_t>(nunet_frame_labels); }
+  View<const std::uint8_t> confidence() const { return view<const std::uint8_t>(nunet_frame_confidence); }
   /** x right, y down, z forward, in the header's units; NaN where there is no measurement. */
   View<const nunet_point_t> points() const { return view<const nunet_point_t>(nunet_frame_points); }
   /** The daemon's counts and latencies. */

@@ -23,7 +23,7 @@ pub struct FrameHandle;
 #[repr(C)]
 pub struct Set {
     /// The frame of each topic, indexed by `nunet_topic_t`; NULL where there is none.
-    pub frames: [*mut FrameHandle; 6],
+    pub frames: [*mut FrameHandle; 7],
 }
 
 impl Set {
@@ -116,6 +116,23 @@ pub extern "C" fn nunet_frame_labels(
     height: Option<&mut MaybeUninit<u32>>,
 ) -> StatusCode {
     guard(|| grid(frame, place(labels, "labels", std::ptr::null())?, width, height, Message::labels))
+}
+
+/// The confidence of each pixel's depth: `height` rows from the top of `width` bytes, 255 = certain, 0 where there is no
+/// measurement.
+///
+/// Pointers and failures as in `nunet_frame_depth()`.
+#[unsafe(no_mangle)]
+pub extern "C" fn nunet_frame_confidence(
+    frame: *const FrameHandle,
+    confidence: Option<&mut MaybeUninit<*const u8>>,
+    width: Option<&mut MaybeUninit<u32>>,
+    height: Option<&mut MaybeUninit<u32>>,
+) -> StatusCode {
+    guard(|| {
+        let confidence = place(confidence, "confidence", std::ptr::null())?;
+        grid(frame, confidence, width, height, Message::confidence)
+    })
 }
 
 /// A cloud: `height` rows from the top of `width` points in the camera's optical frame (x right, y down, z forward), in

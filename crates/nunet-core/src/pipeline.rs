@@ -11,11 +11,11 @@ use crate::depth::{Scale, Units};
 use crate::filter::{self, Appearance, Decimation, DecimationOptions, FilterChain, FilterOptions};
 use crate::frame::ImageView;
 use crate::graph::{GraphError, GraphOutputs, GraphReport, SerialGraph, StageTimes};
-use crate::model::{SelfTestGrid, SelfTestReport, selftest};
 use crate::obstacle::Mount;
 use crate::scale::ScaleMode;
 use crate::stability::StabilityGauge;
 
+mod confidence;
 mod decoder;
 mod error;
 mod fit;
@@ -26,8 +26,10 @@ mod lens;
 mod letterbox;
 mod network;
 mod options;
+mod selftest;
 mod timer;
 
+use confidence::ConfidenceMap;
 use decoder::Decoder;
 pub use error::PipelineError;
 use floor::FloorScale;
@@ -68,6 +70,7 @@ pub struct Pipeline {
     lens: Lens,
     options: PipelineOptions,
     decimation: Option<Decimation>,
+    confidence: ConfidenceMap,
     chain: FilterChain,
     stability: StabilityGauge,
     stage_names: Vec<String>,
@@ -83,6 +86,8 @@ impl Pipeline {
         let framing = fit::initial_framing(&options, graph.size());
         let lens = Lens::new(&options, &framing, &mut graph)?;
         let decoder = Decoder::new(&graph, &options, &lens)?;
+        let decimation = decimation.transpose()?;
+        let confidence = ConfidenceMap::new(&graph, decimation.as_ref());
         let mut network = Network::new(graph);
         network.set_framing(framing);
         let mut pipeline = Self {
@@ -90,7 +95,8 @@ impl Pipeline {
             decoder,
             lens,
             options,
-            decimation: decimation.transpose()?,
+            decimation,
+            confidence,
             chain: FilterChain::default(),
             stability: StabilityGauge::default(),
             stage_names: Vec::new(),
@@ -170,6 +176,13 @@ impl Pipeline {
     #[must_use]
     pub fn network_image<'a>(&'a self, frame: &ImageView<'a>) -> &'a [u8] {
         self.network.appearance(frame).rgb
+    }
+
+    /// The confidence of the last frame's depth, `[H, W]` at [`Pipeline::size`]: 255 = certain, 0 where depth is invalid or
+    /// was filled in by a filter. `None` if the network has no confidence.
+    #[must_use]
+    pub fn confidence(&self) -> Option<&[u8]> {
+        self.confidence.values()
     }
 
     /// Pixels of the network along each side of a pixel of the depth map: 1 without decimation.
@@ -264,7 +277,8 @@ impl Pipeline {
         let decoded = timer.time(|| {
             self.network.take_results(network_depth, network_labels.as_deref_mut());
             let labels = network_labels.as_deref().or(self.network.appearance(frame).labels);
-            self.decoder.decode(network_depth, labels)
+            self.confidence.take(self.network.confidence());
+            self.decoder.decode(network_depth, labels, &mut self.confidence)
         });
 
         let full = self.network.appearance(frame);
@@ -278,6 +292,7 @@ impl Pipeline {
         let stability = self.stability.update((full.rgb, self.network.graph.size()), (depth_m, size));
         let max_range_m = self.decoder.max_range_m();
         timer.time(|| self.lens.fill_cloud(depth_m, &appearance, max_range_m, cloud))?;
+        self.confidence.finish(self.decimation.as_ref(), depth_m);
 
         let report = self.report(timer.finish(), run, bytes_copied, invalid_pixels);
         Ok(FrameReport { stability, ..report })
@@ -298,41 +313,11 @@ impl Pipeline {
             scale_source: scale.source,
             scale_factor: if scale.units == Units::Metre { scale.factor } else { 0.0 },
             scale_age_nanos: scale.age_nanos,
-            bytes_copied: bytes_copied + run.bytes_copied,
+            bytes_copied: bytes_copied + run.bytes_copied + self.confidence.bytes_copied(),
             invalid_pixels,
             stability: None,
             camera: self.lens.known,
             view: self.framing().view(),
-        }
-    }
-
-    /// Runs the self-test image and compares the outputs with those in the model file. Also warms up the
-    /// network. State is reset before and after. Only the network is tested, not the filters.
-    ///
-    /// # Errors
-    /// Outputs that differ by more than the tolerance, and ONNX Runtime's errors.
-    pub fn selftest(&mut self, clock: &dyn Clock) -> Result<SelfTestReport, PipelineError> {
-        let ImageSize { width, height } = self.network.graph.size();
-        let pixels = self.network.graph.size().pixel_count();
-        let (mut depth, mut labels) =
-            (vec![0.0; pixels], self.network.graph.has_labels().then(|| vec![0; pixels]));
-        let image = selftest::image(width, height);
-
-        self.network.graph.reset();
-        let (input, _) = self.network.input.fill(&image);
-        self.network.graph.run(
-            input,
-            GraphOutputs { depth: &mut depth, labels: labels.as_deref_mut() },
-            clock,
-        )?;
-        self.network.graph.reset();
-
-        self.decoder.decode_unscaled(&mut depth);
-        match &self.network.graph.description().selftest {
-            Some(expected) => {
-                Ok(expected.compare(&SelfTestGrid::of(&depth, labels.as_deref(), width, height))?)
-            }
-            None => Ok(SelfTestReport::UNCHECKED),
         }
     }
 }

@@ -6,6 +6,7 @@ mod aspect;
 mod bad_input;
 mod calibrate;
 mod command_line;
+mod confidence;
 mod doctor;
 mod end_to_end;
 mod eval;

@@ -1,6 +1,7 @@
 //! Buffers for results outside of shared memory, for subcommands without readers.
 
 use nunet_core::cloud::CloudPoint;
+use nunet_core::obstacle::DepthImage;
 use nunet_core::pipeline::{Outputs, Pipeline};
 
 /// Buffers for the results of one frame.
@@ -38,6 +39,12 @@ impl Buffers {
     #[must_use]
     pub fn labels(&self) -> Option<&[u8]> {
         self.labels.as_deref()
+    }
+
+    /// Depth, labels and confidence of the last frame, which `pipeline` processed, for the detector of obstacles.
+    #[must_use]
+    pub fn depth_image<'a>(&'a self, pipeline: &'a Pipeline) -> DepthImage<'a> {
+        DepthImage { depth_m: &self.depth, labels: self.labels(), confidence: pipeline.confidence() }
     }
 
     /// The organized cloud of the last frame.

@@ -63,6 +63,7 @@ pub struct Model {
 struct Pools {
     depth: Pool<f32>,
     labels: Pool<u8>,
+    confidence: Pool<u8>,
     rgb: Pool<u8>,
 }
 
@@ -73,6 +74,8 @@ pub struct Inferred {
     pub depth: Pooled<f32>,
     /// `[H, W]`: class indices. `None` if the network does not segment.
     pub labels: Option<Pooled<u8>>,
+    /// `[H, W]`: 255 = certain, 0 where there is no depth. `None` if the network has no confidence.
+    pub confidence: Option<Pooled<u8>>,
     /// `[H, W, 3]`, RGB: the image as the network saw it, at the size of the results.
     pub rgb: Pooled<u8>,
     /// The report of the pipeline.
@@ -216,11 +219,16 @@ impl Model {
         let cloud = points.as_deref_mut();
         let outputs = Outputs { depth_m: &mut depth, labels: labels.as_deref_mut(), cloud };
         let report = self.pipeline.process(image, outputs, &MonotonicClock)?;
+        let confidence = self.pipeline.confidence().map(|values| {
+            let mut confidence = self.pools.confidence.take(pixels);
+            confidence.copy_from_slice(values);
+            confidence
+        });
         let rgb = self.colors(image, points.as_deref(), pixels);
         let points_camera = *self.pipeline.points_camera();
         let total_nanos = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
         let framing = *self.pipeline.framing();
-        Ok(Inferred { depth, labels, rgb, report, points_camera, framing, total_nanos })
+        Ok(Inferred { depth, labels, confidence, rgb, report, points_camera, framing, total_nanos })
     }
 
     /// The colors of the last image's results: those of the cloud if there is one, else the network's input.

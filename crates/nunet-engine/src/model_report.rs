@@ -102,7 +102,7 @@ impl ModelReport<'_> {
     fn outputs(&self) -> impl Iterator<Item = &TensorSpec> {
         let all = self.graph.stages().iter().flat_map(|stage| &stage.outputs);
         let foreign = self.description().is_foreign();
-        all.filter(move |tensor| foreign || ["depth", "labels"].contains(&tensor.name.as_str()))
+        all.filter(move |tensor| foreign || ["depth", "labels", "confidence"].contains(&tensor.name.as_str()))
     }
 
     /// The description as text, with a line feed at its end.

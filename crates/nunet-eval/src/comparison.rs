@@ -7,6 +7,7 @@ use nunet_types::ImageSize;
 use crate::error::EvalError;
 use crate::metrics::{DepthMetrics, ImageMean};
 use crate::options::Protocol;
+use crate::sparsification::Pixel;
 
 /// Smaller predictions would make relative errors meaningless; the usual value in the literature.
 const MIN_DEPTH_M: f32 = 1e-3;
@@ -143,6 +144,29 @@ impl Comparison {
             self.see(end);
         }
         Ok(alone)
+    }
+
+    /// Prediction, truth and confidence of the pixels of an image that are compared in meters.
+    ///
+    /// # Errors
+    /// The protocol is for images of another size.
+    pub(crate) fn pixels(
+        &self,
+        (predicted, truth_m, confidence): (&[f32], &[f32], &[u8]),
+        size: ImageSize,
+    ) -> Result<Vec<Pixel>, EvalError> {
+        let [rows, columns] = crop(self.protocol, size)?;
+        if self.kind != DepthKind::Metric {
+            return Ok(Vec::new());
+        }
+        let width = size.width as usize;
+        let places = rows.flat_map(|row| columns.clone().map(move |column| row * width + column));
+        let pixel = |place: usize| {
+            let (p, t) = (predicted[place].clamp(MIN_DEPTH_M, self.cap_m), truth_m[place]);
+            let is_compared = p.is_finite() && MIN_DEPTH_M < t && t < self.cap_m;
+            is_compared.then_some((p, t, confidence[place]))
+        };
+        Ok(places.filter_map(pixel).collect())
     }
 
     /// Records the truth of a pixel, NaN = none.

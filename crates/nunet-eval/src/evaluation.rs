@@ -1,27 +1,29 @@
 //! The pipeline over all images of a dataset.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use image::RgbImage;
 use nunet_core::depth::DepthEncoding;
+use nunet_core::obstacle::DepthImage;
 use nunet_core::pipeline::{Outputs, Pipeline};
 use nunet_engine::ModelName;
 use nunet_files::{make_folder, write_json, write_rgb};
 use nunet_source::{CameraResolver, Frame};
-use nunet_types::{Units, text_with_causes};
+use nunet_types::Units;
 
 use crate::baseline::Baseline;
 use crate::comparison::{Comparison, DepthKind};
 use crate::dataset::{Dataset, ImageMounts, Truth, is_recording, refuse_own_depth};
-use crate::error::{EvalError, hint_of_chain};
+use crate::error::EvalError;
 use crate::event::{Event, OnEvent};
 use crate::fit::Fit;
 use crate::metrics::LabelMetrics;
-use crate::obstacles::{DepthAndLabels, ObstacleComparison, ObstacleEval};
+use crate::obstacles::{ObstacleComparison, ObstacleEval};
 use crate::options::EvalOptions;
 use crate::report::{self, ImageRow, Measured, Report};
+use crate::reported::Reported;
 use crate::sheet::{self, SheetRow, chosen};
+use crate::sparsification::Sparsification;
 
 /// The files that [`Evaluation::write`] writes.
 pub const FILES: [&str; 4] = ["eval.json", "images.csv", "contact_sheet.png", "mean_image.npy"];
@@ -88,6 +90,7 @@ pub struct Evaluation {
     labels: Vec<u8>,
     comparison: Comparison,
     confusion: LabelMetrics,
+    sparsification: Sparsification,
     baseline: Option<Baseline>,
     obstacles: Option<(ImageMounts, ObstacleComparison)>,
     /// The mounts for the scale from the floor.
@@ -100,35 +103,8 @@ pub struct Evaluation {
 struct Prediction {
     depth: Vec<f32>,
     labels: Vec<u8>,
-}
-
-/// The reported failures. A failure of many images is reported once and counted.
-#[derive(Default)]
-struct Reported(BTreeMap<String, Failures>);
-
-/// Failures with the same reason.
-#[derive(Default)]
-struct Failures {
-    hint: Option<String>,
-    count: u64,
-}
-
-impl Reported {
-    fn report(&mut self, id: &str, error: &EvalError, on_event: OnEvent<'_>) {
-        let reason = text_with_causes(error);
-        let failures = self.0.entry(reason.replace(id, "ID")).or_default();
-        failures.count += 1;
-        if failures.count == 1 {
-            failures.hint = hint_of_chain(error);
-            on_event(Event::Skipped { id, reason: &reason, hint: failures.hint.as_deref() });
-        }
-    }
-
-    fn summarize(&self, on_event: OnEvent<'_>) {
-        for (reason, Failures { hint, count }) in self.0.iter().filter(|(_, failures)| failures.count > 1) {
-            on_event(Event::SkippedAlike { count: *count, reason, hint: hint.as_deref() });
-        }
-    }
+    /// `None` if the network has none.
+    confidence: Option<Vec<u8>>,
 }
 
 impl Evaluation {
@@ -153,6 +129,7 @@ impl Evaluation {
             labels: if pipeline.graph().has_labels() { vec![0; pixels] } else { Vec::new() },
             comparison: Comparison::new(options.protocol, options.depth_cap_m, kind),
             confusion: LabelMetrics::new(description.classes.len()),
+            sparsification: Sparsification::default(),
             rows: Vec::new(),
             skipped: dataset.unpaired,
             options,
@@ -194,6 +171,10 @@ impl Evaluation {
         }
         self.compare_obstacles(id, &truth, &prediction)?;
         let alone = self.comparison.add(&prediction.depth, &truth.depth_m, truth.size)?;
+        if let Some(confidence) = &prediction.confidence {
+            let images = (&prediction.depth[..], &truth.depth_m[..], &confidence[..]);
+            self.sparsification.add(&self.comparison.pixels(images, truth.size)?);
+        }
         if let Some(labels) = &truth.labels {
             self.confusion.add(&prediction.labels, labels);
         }
@@ -216,8 +197,10 @@ impl Evaluation {
         let of_view = self.pipeline.points_camera().scaled_to(view.width, view.height)?;
         let camera = of_view.padded(view, truth.size);
         let labels = (!predicted.labels.is_empty()).then_some(&predicted.labels[..]);
-        let truth = DepthAndLabels { depth_m: &truth.depth_m, labels: truth.labels.as_deref() };
-        comparison.add(&camera, mounts.of(id)?, [truth, DepthAndLabels { depth_m: &predicted.depth, labels }])
+        let confidence = predicted.confidence.as_deref();
+        let truth = DepthImage { depth_m: &truth.depth_m, labels: truth.labels.as_deref(), confidence: None };
+        let predicted = DepthImage { depth_m: &predicted.depth, labels, confidence };
+        comparison.add(&camera, mounts.of(id)?, [truth, predicted])
     }
 
     fn predict(&mut self, id: &str, on_event: OnEvent<'_>) -> Result<(Truth, Prediction), EvalError> {
@@ -235,7 +218,11 @@ impl Evaluation {
         self.pipeline.process(&self.frame.view()?, outputs, &|| 0)?;
         truth.blank_outside(self.pipeline.framing().view());
         let fit = Fit::new(&self.pipeline);
-        let prediction = Prediction { depth: fit.depth(&self.depth), labels: fit.labels(&self.labels) };
+        let prediction = Prediction {
+            depth: fit.depth(&self.depth),
+            labels: fit.labels(&self.labels),
+            confidence: self.pipeline.confidence().map(|confidence| fit.confidence(confidence)),
+        };
         Ok((truth, prediction))
     }
 
@@ -269,6 +256,7 @@ impl Evaluation {
             &self.confusion,
             self.baseline.as_ref(),
         )
+        .with_sparsification(self.sparsification.scores())
         .with_obstacles(self.obstacles.as_ref().map(|(_, comparison)| comparison.scores()))
     }
 

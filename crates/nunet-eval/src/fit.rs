@@ -71,6 +71,11 @@ impl Fit {
         self.in_image(self.resized(labels, FilterType::Nearest), NO_LABEL)
     }
 
+    /// `[H, W]` confidence of the results at the image's size, 0 outside the view.
+    pub(crate) fn confidence(&self, confidence: &[u8]) -> Vec<u8> {
+        self.in_image(self.resized(confidence, FilterType::Triangle), 0)
+    }
+
     fn resized<T>(&self, values: &[T], filter: FilterType) -> Vec<T>
     where
         T: image::Primitive + 'static,

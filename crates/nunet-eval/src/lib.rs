@@ -70,7 +70,9 @@ mod metrics;
 mod obstacles;
 mod options;
 mod report;
+mod reported;
 mod sheet;
+mod sparsification;
 
 pub use calibrate::{Agreement, CalibrateError, Calibrator, Point, Reference, files_of_readings};
 pub use error::{EvalError, EvalErrorKind, cap_for};

@@ -26,14 +26,6 @@ pub struct ObstacleEval {
     pub options: ObstacleOptions,
 }
 
-/// Depth and labels of one image, `[H, W]`.
-#[derive(Clone, Copy)]
-pub(crate) struct DepthAndLabels<'a> {
-    pub(crate) depth_m: &'a [f32],
-    /// The network's classes; `None` where they are not known.
-    pub(crate) labels: Option<&'a [u8]>,
-}
-
 /// Compares the obstacles of one image after the other.
 #[derive(Debug)]
 pub(crate) struct ObstacleComparison {
@@ -52,12 +44,11 @@ impl ObstacleComparison {
         &mut self,
         camera: &Camera,
         mount: Mount,
-        [truth, predicted]: [DepthAndLabels<'_>; 2],
+        [truth, predicted]: [DepthImage<'_>; 2],
     ) -> Result<(), EvalError> {
         let mut detector = ObstacleDetector::new(camera, mount, &self.classes, self.options)?;
-        let mut find = |DepthAndLabels { depth_m, labels }: DepthAndLabels<'_>| {
+        let mut find = |image: DepthImage<'_>| {
             detector.reset(); // obstacles of one image must not be remembered in the other
-            let image = DepthImage { depth_m, labels, confidence: None };
             detector.detect(&image, 0).map(|found| found.sectors.clone())
         };
         let (truth, predicted) = (find(truth)?, find(predicted)?);

@@ -14,6 +14,7 @@ use crate::error::EvalError;
 use crate::metrics::{DepthMetrics, DepthScores, LabelMetrics, LabelScores};
 use crate::obstacles::ObstacleScores;
 use crate::options::Protocol;
+use crate::sparsification::SparsificationScores;
 
 /// Everything that was found. Its fields are those of `eval.json`: serialize it.
 #[derive(Debug, Serialize)]
@@ -37,6 +38,8 @@ pub struct Report {
     minmax: Scores<Stretched>,
     labels: Scores<LabelScores>,
     baseline: Option<BaselineReport>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sparsification: Option<SparsificationScores>,
     #[serde(skip_serializing_if = "Option::is_none")]
     obstacles: Option<ObstacleScores>,
 }
@@ -130,8 +133,14 @@ impl Report {
                 image_mean: baseline.metric.each.scores().into(),
                 minmax: Stretched::of(baseline.minmax()).into(),
             }),
+            sparsification: None,
             obstacles: None,
         }
+    }
+
+    /// The same with the sparsification, if the network has a confidence.
+    pub(crate) fn with_sparsification(self, sparsification: Option<SparsificationScores>) -> Self {
+        Self { sparsification, ..self }
     }
 
     /// The same with what was found of obstacles.
@@ -159,6 +168,7 @@ impl Report {
             text += &line("labels miou", labels.miou, None);
             text += &line("labels acc.", labels.accuracy, None);
         }
+        text += &self.sparsification.as_ref().map(sparsification_lines).unwrap_or_default();
         text += &self.obstacles.as_ref().map(ObstacleScores::text).unwrap_or_default();
         text += &format!(
             "{} pixels compared, {} without a prediction, {} of truth beyond what is compared",
@@ -208,6 +218,18 @@ impl Report {
 fn line(name: &str, value: f64, beside: Option<f64>) -> String {
     let beside = beside.map(|value| format!("{value:>12.4}")).unwrap_or_default();
     format!("{name:<15}{value:>9.4}{beside}\n")
+}
+
+fn sparsification_lines(scores: &SparsificationScores) -> String {
+    let mut text = String::new();
+    for (suffix, curve) in [("", &scores.curve), (", median fit", &scores.median_fit)] {
+        text += &format!(
+            "confidence{suffix}: abs_rel {:.4}, of the 50 % most certain pixels {:.4} (oracle {:.4}); area {:.4} \
+             (random order {:.4})\n",
+            curve.abs_rel, curve.certain_50, curve.oracle_50, curve.area, curve.area_random
+        );
+    }
+    text
 }
 
 /// One image's own scores.

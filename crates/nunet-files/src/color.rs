@@ -146,7 +146,8 @@ mod tests {
     use super::*;
 
     fn results(depth: &[f32], width: u32, height: u32) -> ResultArrays<'_> {
-        ResultArrays { size: ImageSize { width, height }, depth, metric: true, labels: None, cloud: None }
+        let size = ImageSize { width, height };
+        ResultArrays { size, depth, metric: true, labels: None, confidence: None, cloud: None }
     }
 
     #[test]

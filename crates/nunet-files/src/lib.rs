@@ -6,6 +6,7 @@
 //! | `depth_mm.png` | 16-bit millimeters, 0 = no measurement | [`write_depth_mm`] |
 //! | `depth.png` | colors with a scale | [`depth_image`] |
 //! | `labels.png` | 8-bit class indices | [`write_results`] |
+//! | `confidence.png` | 8-bit confidence, 255 = certain | [`write_results`] |
 //! | `cloud.ply` | the points that have a position | [`write_cloud`] |
 //! | `obstacles.png` | obstacles from above | [`BirdsEye`] |
 //!
@@ -24,6 +25,7 @@
 //!     depth: &depth_m,
 //!     metric: true,
 //!     labels: Some(&[0, 0, 1, 1, 1, 2]),
+//!     confidence: None,
 //!     cloud: None,
 //! };
 //! let files = write_results(folder.path(), &results)?;

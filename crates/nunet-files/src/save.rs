@@ -11,7 +11,8 @@ use crate::png::{write_depth_mm, write_gray, write_rgb};
 use crate::results::ResultArrays;
 
 /// The names of the files that [`write_results`] writes, all or some of them.
-pub const RESULT_FILES: [&str; 5] = ["depth.npy", "depth_mm.png", "depth.png", "labels.png", "cloud.ply"];
+pub const RESULT_FILES: [&str; 6] =
+    ["depth.npy", "depth_mm.png", "depth.png", "labels.png", "confidence.png", "cloud.ply"];
 
 /// Writes the results into `folder`, which is created if it is missing, and returns the paths of the files.
 ///
@@ -21,7 +22,7 @@ pub const RESULT_FILES: [&str; 5] = ["depth.npy", "depth_mm.png", "depth.png", "
 /// The folder or a file cannot be written.
 pub fn write_results(folder: &Path, results: &ResultArrays<'_>) -> Result<Vec<PathBuf>, FilesError> {
     make_folder(folder)?;
-    let &ResultArrays { size, depth, metric, labels, cloud } = results;
+    let &ResultArrays { size, depth, metric, labels, confidence, cloud } = results;
     let mut files = Vec::new();
     let mut write = |name: &str, write: &dyn Fn(&Path) -> Result<(), FilesError>| {
         files.push(folder.join(name));
@@ -32,8 +33,10 @@ pub fn write_results(folder: &Path, results: &ResultArrays<'_>) -> Result<Vec<Pa
         write("depth_mm.png", &|path| write_depth_mm(path, depth, size))?;
     }
     write("depth.png", &|path| write_rgb(path, depth_image(results)))?;
-    if let Some(labels) = labels {
-        write("labels.png", &|path| write_gray(path, labels.to_vec(), size))?;
+    for (name, values) in [("labels.png", labels), ("confidence.png", confidence)] {
+        if let Some(values) = values {
+            write(name, &|path| write_gray(path, values.to_vec(), size))?;
+        }
     }
     if let Some(cloud) = cloud {
         write("cloud.ply", &|path| write_cloud(path, cloud, metric))?;
@@ -48,7 +51,22 @@ mod tests {
     use super::*;
 
     fn results<'a>(depth: &'a [f32], metric: bool, cloud: &'a [CloudPoint]) -> ResultArrays<'a> {
-        ResultArrays { size: ImageSize::new(2, 1), depth, metric, labels: None, cloud: Some(cloud) }
+        let size = ImageSize::new(2, 1);
+        ResultArrays { size, depth, metric, labels: None, confidence: None, cloud: Some(cloud) }
+    }
+
+    #[test]
+    fn labels_and_confidence_are_gray_images_of_their_values() {
+        let root = tempfile::tempdir().unwrap();
+        let (labels, confidence) = (Some(&[3, 12][..]), Some(&[0, 255][..]));
+        let files = write_results(
+            root.path(),
+            &ResultArrays { labels, confidence, ..results(&[1.0, 2.0], true, &[]) },
+        );
+        assert_eq!(files.unwrap().len(), 6);
+        for (name, expected) in [("labels.png", [3, 12]), ("confidence.png", [0, 255])] {
+            assert_eq!(image::open(root.path().join(name)).unwrap().into_luma8().into_raw(), expected);
+        }
     }
 
     #[test]

@@ -117,6 +117,8 @@ pub struct FrameRecord<'a> {
     pub depth_camera: Option<&'a CameraDescription>,
     /// Class indices, of the size of depth.
     pub labels: Option<&'a [u8]>,
+    /// The confidence of depth, 255 = certain, of its size.
+    pub confidence: Option<&'a [u8]>,
     /// The cloud.
     pub cloud: Option<CloudRecord<'a>>,
 }

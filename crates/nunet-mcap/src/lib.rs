@@ -36,6 +36,7 @@
 //!     depth: DepthRecord { scale: ScaleRecord::default(), width: 4, height: 2, bytes: &depth_m },
 //!     depth_camera: None,
 //!     labels: None,
+//!     confidence: None,
 //!     cloud: None,
 //! })?;
 //! writer.finish()?;

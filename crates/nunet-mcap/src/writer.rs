@@ -157,6 +157,9 @@ impl RecordingWriter {
         if let Some(labels) = frame.labels {
             self.put(self.topic("labels/image_raw"), log, header, image("mono8", 1, labels))?;
         }
+        if let Some(confidence) = frame.confidence {
+            self.put(self.topic("labels/confidence"), log, header, image("mono8", 1, confidence))?;
+        }
         if let Some(cloud) = frame.cloud {
             self.put(self.topic("depth/points"), log, header, RosMessage::Cloud(cloud))?;
         }
@@ -303,6 +306,7 @@ mod tests {
             },
             depth_camera: None,
             labels: None,
+            confidence: None,
             cloud: None,
         };
         writer.write(&frame).unwrap();

@@ -430,6 +430,7 @@ fn write_frames(path: &Path, frames: u8) -> RecordingWriter {
                 depth: DepthRecord { scale, width: 2, height: 1, bytes: &depth },
                 depth_camera: None,
                 labels: None,
+                confidence: None,
                 cloud: None,
             })
             .unwrap();

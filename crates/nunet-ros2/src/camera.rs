@@ -85,6 +85,7 @@ impl Sink for Ros2Sink {
         let wanted = self.shared.wanted.load(Ordering::Relaxed);
         Wants {
             labels: wanted & bit(Topic::Labels) != 0,
+            confidence: wanted & bit(Topic::Confidence) != 0,
             cloud: wanted & bit(Topic::Points) != 0,
             obstacles: wanted & WITH_OBSTACLES != 0,
         }

@@ -47,7 +47,10 @@ impl FrameEncoder {
                 };
                 camera.as_ref().map(RosMessage::CameraInfo)
             }
-            Topic::Labels => record.labels().map(|labels| RosMessage::Image(label_image(record, labels))),
+            Topic::Labels => record.labels().map(|labels| RosMessage::Image(byte_image(record, labels))),
+            Topic::Confidence => {
+                record.confidence().map(|confidence| RosMessage::Image(byte_image(record, confidence)))
+            }
             Topic::Points => record.cloud().map(RosMessage::Cloud),
             Topic::ObstaclePoints => obstacles.as_ref().map(RosMessage::ObstaclePoints),
             Topic::Scan => obstacles.as_ref().map(RosMessage::Scan),
@@ -96,7 +99,7 @@ fn millimeters(meters: f32) -> u16 {
     if (1.0..=f32::from(u16::MAX)).contains(&millimeters) { millimeters as u16 } else { 0 }
 }
 
-fn label_image<'a>(record: &RecordedFrame, data: &'a [u8]) -> RawImage<'a> {
+fn byte_image<'a>(record: &RecordedFrame, data: &'a [u8]) -> RawImage<'a> {
     let depth = record.depth();
     RawImage { width: depth.width, height: depth.height, encoding: "mono8", pixel_bytes: 1, data }
 }
@@ -123,6 +126,7 @@ mod tests {
             size,
             depth,
             labels: None,
+            confidence: None,
             cloud_size: size,
             cloud: None,
             camera: None,

@@ -76,7 +76,11 @@ impl Ros2Node {
     }
 
     fn topics(&self, camera: &CameraOptions<'_>) -> Result<BTreeSet<Topic>, Ros2Error> {
-        let available = Available { labels: camera.has_labels, obstacles: camera.has_obstacles };
+        let available = Available {
+            labels: camera.has_labels,
+            confidence: camera.has_confidence,
+            obstacles: camera.has_obstacles,
+        };
         let mut topics = self.options.topics.of_camera(available)?;
         if camera.mount.is_none() {
             topics.remove(&Topic::TfStatic);

@@ -76,6 +76,8 @@ fn topic_named(name: &str) -> Result<Topic, Ros2Error> {
 pub struct Available {
     /// Labels.
     pub labels: bool,
+    /// Confidence.
+    pub confidence: bool,
     /// Obstacles.
     pub obstacles: bool,
 }
@@ -89,6 +91,7 @@ impl Topics {
         let missing = |topic: Topic| match topic {
             _ if topic.needs_obstacles() && !available.obstacles => Some("obstacles, which need a mount"),
             _ if topic.needs_labels() && !available.labels => Some("a model with labels"),
+            _ if topic.needs_confidence() && !available.confidence => Some("a model with confidence"),
             _ => None,
         };
         let present = |topics: &[Topic]| -> BTreeSet<Topic> {
@@ -148,6 +151,8 @@ pub struct CameraOptions<'a> {
     pub mount: Option<CameraMount>,
     /// Whether the model has labels.
     pub has_labels: bool,
+    /// Whether the model has a confidence.
+    pub has_confidence: bool,
     /// Whether obstacles are found.
     pub has_obstacles: bool,
     /// Counts its messages.
@@ -179,7 +184,7 @@ mod tests {
         let nothing = Available::default();
         let default = Topics::Default.of_camera(nothing).unwrap();
         assert!(default.contains(&Topic::HalfDepth) && !default.contains(&Topic::Scan));
-        let everything = Available { labels: true, obstacles: true };
+        let everything = Available { labels: true, confidence: true, obstacles: true };
         assert_eq!(Topics::All.of_camera(everything).unwrap().len(), Topic::ALL.len());
         let error = "scan".parse::<Topics>().unwrap().of_camera(nothing).unwrap_err();
         assert_eq!(error.kind(), Ros2ErrorKind::Arguments);

@@ -17,6 +17,8 @@ pub enum Topic {
     HalfDepthCamera,
     /// Class indices.
     Labels,
+    /// The confidence of depth.
+    Confidence,
     /// The names of the classes.
     LabelInfo,
     /// The organized cloud.
@@ -41,12 +43,13 @@ const KEPT: Delivery = Delivery { depth: 1, is_kept: true };
 
 impl Topic {
     /// All topics.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::Depth,
         Self::DepthCamera,
         Self::HalfDepth,
         Self::HalfDepthCamera,
         Self::Labels,
+        Self::Confidence,
         Self::LabelInfo,
         Self::Points,
         Self::ObstaclePoints,
@@ -61,10 +64,11 @@ impl Topic {
     pub const DEFAULT: [Self; 4] = [Self::HalfDepth, Self::HalfDepthCamera, Self::ObstaclePoints, Self::Scan];
 
     /// Those of a recording.
-    pub const RECORDED: [Self; 9] = [
+    pub const RECORDED: [Self; 10] = [
         Self::Depth,
         Self::DepthCamera,
         Self::Labels,
+        Self::Confidence,
         Self::Points,
         Self::ObstaclePoints,
         Self::Scan,
@@ -85,6 +89,7 @@ impl Topic {
             Self::HalfDepth => "depth/half/image_raw",
             Self::HalfDepthCamera => "depth/half/camera_info",
             Self::Labels => "labels/image_raw",
+            Self::Confidence => "labels/confidence",
             Self::LabelInfo => "labels/label_info",
             Self::Points => "depth/points",
             Self::ObstaclePoints => "obstacles/points",
@@ -107,7 +112,7 @@ impl Topic {
     #[must_use]
     pub fn message_type(self) -> MessageType {
         match self {
-            Self::Depth | Self::HalfDepth | Self::Labels => MessageType::Image,
+            Self::Depth | Self::HalfDepth | Self::Labels | Self::Confidence => MessageType::Image,
             Self::DepthCamera | Self::HalfDepthCamera | Self::ImageCamera => MessageType::CameraInfo,
             Self::LabelInfo => MessageType::LabelInfo,
             Self::Points | Self::ObstaclePoints => MessageType::PointCloud2,
@@ -130,6 +135,10 @@ impl Topic {
     /// What the camera must have; `None` if it always has it.
     pub(crate) fn needs_obstacles(self) -> bool {
         matches!(self, Self::ObstaclePoints | Self::Scan)
+    }
+
+    pub(crate) fn needs_confidence(self) -> bool {
+        self == Self::Confidence
     }
 
     pub(crate) fn needs_labels(self) -> bool {

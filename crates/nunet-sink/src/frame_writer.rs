@@ -103,6 +103,7 @@ impl FrameWriter {
             depth: record.depth(),
             depth_camera: depth_camera.as_ref(),
             labels: record.labels(),
+            confidence: record.confidence(),
             cloud: record.cloud(),
         })?;
         Ok(())

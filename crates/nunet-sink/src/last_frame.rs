@@ -29,7 +29,7 @@ pub fn last_frame_into(folder: PathBuf, has_obstacles: bool) -> Box<dyn Sink> {
 impl Sink for LastFrame {
     /// Any frame may be the last one, so everything is computed for each.
     fn wants(&self) -> Wants {
-        Wants { labels: true, cloud: true, obstacles: self.has_obstacles }
+        Wants { labels: true, confidence: true, cloud: true, obstacles: self.has_obstacles }
     }
 
     fn on_frame(&mut self, _frame: &PublishedFrame<'_>) {}
@@ -56,6 +56,7 @@ struct OwnedResults {
     depth: Vec<f32>,
     metric: bool,
     labels: Option<Vec<u8>>,
+    confidence: Option<Vec<u8>>,
     cloud: Option<Vec<CloudPoint>>,
     obstacles: Option<Obstacles>,
 }
@@ -67,18 +68,20 @@ impl OwnedResults {
             depth: results.depth.to_vec(),
             metric: results.scale.units == Units::Metre,
             labels: results.labels.map(<[_]>::to_vec),
+            confidence: results.confidence.map(<[_]>::to_vec),
             cloud: results.cloud.map(<[_]>::to_vec),
             obstacles: results.obstacles.cloned(),
         }
     }
 
     fn results(&self) -> nunet_files::ResultArrays<'_> {
-        let Self { size, depth, metric, labels, cloud, obstacles: _ } = self;
+        let Self { size, depth, metric, labels, confidence, cloud, obstacles: _ } = self;
         nunet_files::ResultArrays {
             size: *size,
             depth,
             metric: *metric,
             labels: labels.as_deref(),
+            confidence: confidence.as_deref(),
             cloud: cloud.as_deref(),
         }
     }

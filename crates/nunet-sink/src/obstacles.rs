@@ -70,8 +70,8 @@ impl ObstacleStage {
         (!self.labels.is_empty()).then_some(&mut self.labels)
     }
 
-    /// Finds the obstacles of a frame of `camera`. Its labels are in the memory of [`Self::spare_labels`] if they are not
-    /// given.
+    /// Finds the obstacles of a frame of `camera`. Its labels are in the memory of [`Self::spare_labels`] if `image` has
+    /// none.
     ///
     /// # Errors
     /// Buffers of another size than the camera's image.
@@ -81,7 +81,7 @@ impl ObstacleStage {
     pub fn detect(
         &mut self,
         camera: &Camera,
-        (depth_m, labels): (&[f32], Option<&[u8]>),
+        image: DepthImage<'_>,
         capture_nanos: i64,
     ) -> Result<&Obstacles, ObstacleError> {
         let is_known = self.detector.as_ref().is_some_and(|(known, _)| known == camera);
@@ -89,8 +89,8 @@ impl ObstacleStage {
             self.detector = Some((*camera, self.new_detector(camera)?));
         }
         let (_, detector) = self.detector.as_mut().expect("created above");
-        let labels = labels.or((!self.labels.is_empty()).then_some(&self.labels));
-        let image = DepthImage { depth_m, labels, confidence: None };
+        let labels = image.labels.or((!self.labels.is_empty()).then_some(&self.labels));
+        let image = DepthImage { labels, ..image };
         detector.detect(&image, capture_nanos)?;
         self.mount_check.check(detector, &self.config.mount, &image, Instant::now());
         Ok(detector.last())

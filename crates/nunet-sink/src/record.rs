@@ -23,6 +23,7 @@ pub struct RecordedFrame {
     size: ImageSize,
     depth: Vec<u8>,
     labels: Vec<u8>,
+    confidence: Vec<u8>,
     cloud_size: ImageSize,
     cloud: Vec<u8>,
     /// The obstacles of the last frame that had some; their memory is reused.
@@ -73,6 +74,7 @@ impl RecordedFrame {
         self.size = results.size;
         self.depth.extend_from_slice(bytemuck::cast_slice(results.depth));
         self.labels.extend_from_slice(results.labels.unwrap_or_default());
+        self.confidence.extend_from_slice(results.confidence.unwrap_or_default());
         self.cloud_size = results.cloud_size;
         self.cloud.extend_from_slice(bytemuck::cast_slice(results.cloud.unwrap_or_default()));
         self.depth_camera = results.camera;
@@ -112,6 +114,7 @@ impl RecordedFrame {
     fn clear(&mut self) {
         self.depth.clear();
         self.labels.clear();
+        self.confidence.clear();
         self.cloud.clear();
         self.depth_camera = None;
     }
@@ -127,6 +130,12 @@ impl RecordedFrame {
     #[must_use]
     pub fn labels(&self) -> Option<&[u8]> {
         (!self.labels.is_empty()).then_some(&self.labels)
+    }
+
+    /// The confidence of depth; `None` if the frame has none.
+    #[must_use]
+    pub fn confidence(&self) -> Option<&[u8]> {
+        (!self.confidence.is_empty()).then_some(&self.confidence)
     }
 
     /// Obstacles; `None` if the frame has none.

@@ -45,7 +45,7 @@ pub fn record_into(archive: Box<dyn Archive>, on_room: OnRoom) -> anyhow::Result
 
 impl Sink for Recorder {
     fn wants(&self) -> Wants {
-        Wants { labels: true, cloud: true, obstacles: true }
+        Wants { labels: true, confidence: true, cloud: true, obstacles: true }
     }
 
     fn on_frame(&mut self, published: &PublishedFrame<'_>) {

@@ -11,12 +11,14 @@ use nunet_types::{ImageSize, PixelRect};
 pub struct Results<'a> {
     /// The unit of depth and its scale; the factor is 0 for depth without a unit.
     pub scale: Scale,
-    /// Width and height of depth and labels, pixels.
+    /// Width and height of depth, labels and confidence, pixels.
     pub size: ImageSize,
     /// `[H, W]`, NaN = no measurement.
     pub depth: &'a [f32],
     /// `[H, W]`, class indices; `None` if they were not computed.
     pub labels: Option<&'a [u8]>,
+    /// `[H, W]`, 255 = certain; `None` if nothing needs it or the model has none.
+    pub confidence: Option<&'a [u8]>,
     /// Width and height of the cloud, points.
     pub cloud_size: ImageSize,
     /// Organized points; `None` if they were not computed.

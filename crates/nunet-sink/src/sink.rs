@@ -3,6 +3,7 @@
 use nunet_core::camera::Camera;
 use nunet_source::Frame;
 use nunet_telemetry::{Counts, DrainTimeout, MessageCounts, Totals};
+use nunet_types::Topic;
 
 use crate::results::Results;
 
@@ -48,6 +49,8 @@ pub trait Sink: Send {
 pub struct Wants {
     /// Class labels.
     pub labels: bool,
+    /// The confidence of depth.
+    pub confidence: bool,
     /// The point cloud.
     pub cloud: bool,
     /// Obstacles.
@@ -55,14 +58,33 @@ pub struct Wants {
 }
 
 impl Wants {
+    /// The results whose topics are wanted.
+    #[must_use]
+    pub fn of(is_wanted: impl Fn(Topic) -> bool) -> Self {
+        Self {
+            labels: is_wanted(Topic::Labels),
+            confidence: is_wanted(Topic::Confidence),
+            cloud: is_wanted(Topic::Cloud),
+            obstacles: is_wanted(Topic::Obstacles),
+        }
+    }
+
+    /// Whether the result of a topic is among them.
+    #[must_use]
+    pub fn has(self, topic: Topic) -> bool {
+        match topic {
+            Topic::Labels => self.labels,
+            Topic::Confidence => self.confidence,
+            Topic::Cloud => self.cloud,
+            Topic::Obstacles => self.obstacles,
+            Topic::Rgb | Topic::Depth | Topic::Stats => false,
+        }
+    }
+
     /// The results that either of two sinks needs.
     #[must_use]
     pub fn union(self, other: Self) -> Self {
-        Self {
-            labels: self.labels || other.labels,
-            cloud: self.cloud || other.cloud,
-            obstacles: self.obstacles || other.obstacles,
-        }
+        Self::of(|topic| self.has(topic) || other.has(topic))
     }
 }
 

@@ -1,8 +1,22 @@
 //! Fills the record of the `stats` topic.
 
+use nunet_core::pipeline::Pipeline;
 use nunet_ipc::StatsRecord;
-
 use nunet_telemetry::{Counts, Latencies, Totals};
+
+/// The stages outside of the pipeline: waiting before it, publishing after it.
+const QUEUE: &str = "queue";
+const PUBLISH: &str = "publish";
+/// The stage after the pipeline.
+const OBSTACLES: &str = "obstacles";
+
+/// The stages of a frame in the order of the header's and the statistics' times. `publish` is not in the header of
+/// the frame itself, which is written before it.
+pub fn stage_names(pipeline: &Pipeline, has_obstacles: bool) -> impl Iterator<Item = &str> {
+    let inner = pipeline.stage_names().iter().map(String::as_str);
+    let obstacles = has_obstacles.then_some(OBSTACLES);
+    std::iter::once(QUEUE).chain(inner).chain(obstacles).chain(std::iter::once(PUBLISH))
+}
 
 /// The frame counts.
 pub fn set_counts(record: &mut StatsRecord, counts: &Counts) {

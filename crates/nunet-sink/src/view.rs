@@ -31,6 +31,7 @@ impl Sink for ViewSink {
     fn wants(&self) -> Wants {
         Wants {
             labels: self.feed.wants(OnDemand::Labels),
+            confidence: false,
             cloud: false,
             obstacles: self.feed.wants(OnDemand::Obstacles),
         }

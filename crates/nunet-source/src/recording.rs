@@ -213,6 +213,7 @@ mod tests {
                 depth: DepthRecord { scale: ScaleRecord::default(), width: 1, height: 1, bytes: &[0; 4] },
                 depth_camera: None,
                 labels: None,
+                confidence: None,
                 cloud: None,
             };
             writer.write(&frame).unwrap();

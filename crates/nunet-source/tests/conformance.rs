@@ -75,8 +75,18 @@ fn write_recording(path: &Path, images: &[Vec<u8>]) {
         let image = Some(EncodedImage { format: "png", data });
         let depth = DepthRecord { scale: ScaleRecord::default(), width: 1, height: 1, bytes: &[0; 4] };
         let (camera, depth_camera, labels, cloud) = (None, None, None, None);
-        let frame =
-            FrameRecord { log_nanos, stamp_nanos: 1, image, camera, depth, depth_camera, labels, cloud };
+        let confidence = None;
+        let frame = FrameRecord {
+            log_nanos,
+            stamp_nanos: 1,
+            image,
+            camera,
+            depth,
+            depth_camera,
+            labels,
+            confidence,
+            cloud,
+        };
         writer.write(&frame).unwrap();
     }
     writer.finish().unwrap();

@@ -8,6 +8,7 @@
 //! | [`refine_stage`] | depth = 2 x coarse (+ g / 32 where connected) |
 //! | [`trail_stage`] | trail_out = trail_in / 2 + r / 32, state, the next frame's trail_in |
 //! | [`remembering`] | depth = [`unet`]'s + trail_in, with the state of [`trail_stage`] |
+//! | [`with_confidence`] | confidence = r |
 
 use nunet_types::ImageSize;
 
@@ -166,6 +167,20 @@ pub fn fragile(model: ModelBuilder, value: &str) -> ModelBuilder {
         .node("Cast", &["first"], &["index"], &[("to", (OnnxElement::I64 as i64).into())])
         .node("Gather", &["four", "index"], &["probe"], &[])
         .output("probe", OnnxElement::F32, &[1])
+}
+
+/// Adds the output `confidence`, which is the red channel, to a network of this size that takes the image.
+#[must_use]
+pub fn with_confidence(model: ModelBuilder, size: impl Into<ImageSize>) -> ModelBuilder {
+    let ImageSize { width, height } = size.into();
+    let shape = [1, i64::from(height), i64::from(width)];
+    model
+        .constant_f32("red_alone", &[1, 3, 1, 1], &[1.0, 0.0, 0.0])
+        .constant_i64("of_pixels", &[3], &shape)
+        .node("Conv", &["planes", "red_alone"], &["red_plane"], &[])
+        .node("Reshape", &["red_plane", "of_pixels"], &["red_values"], &[])
+        .node("Cast", &["red_values"], &["confidence"], &[("to", (OnnxElement::U8 as i64).into())])
+        .output("confidence", OnnxElement::U8, &shape)
 }
 
 /// Adds the metadata that the contract asks for: metric, untrained, 3 classes where it segments.

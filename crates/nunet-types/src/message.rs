@@ -18,6 +18,8 @@ vocabulary! {
         Obstacles = 4 "obstacles",
         /// The daemon's counts and latencies: one stats record.
         Stats = 5 "stats",
+        /// The confidence of depth: `[height, width]`, `u8`, 255 = certain, 0 where there is no measurement.
+        Confidence = 6 "confidence",
     }
 }
 
@@ -44,6 +46,8 @@ vocabulary! {
         StatsRecord = 8 "stats_record",
         /// One obstacle record.
         ObstacleRecord = 9 "obstacle_record",
+        /// `[height, width]` bytes, 255 = certain.
+        ConfidenceU8 = 10 "confidence_u8",
     }
 }
 
@@ -57,7 +61,8 @@ impl Encoding {
             Self::Mono8 => Some(PixelFormat::Mono8),
             Self::Yuyv => Some(PixelFormat::Yuyv),
             Self::Nv12 => Some(PixelFormat::Nv12),
-            Self::DepthF32 | Self::LabelsU8 | Self::Points | Self::StatsRecord | Self::ObstacleRecord => None,
+            Self::DepthF32 | Self::LabelsU8 | Self::ConfidenceU8 | Self::Points => None,
+            Self::StatsRecord | Self::ObstacleRecord => None,
         }
     }
 
@@ -66,7 +71,7 @@ impl Encoding {
     pub const fn element_bytes(self) -> Option<u32> {
         match self {
             Self::DepthF32 => Some(4),
-            Self::LabelsU8 => Some(1),
+            Self::LabelsU8 | Self::ConfidenceU8 => Some(1),
             Self::Points => Some(16),
             Self::Rgb8 | Self::Bgr8 | Self::Mono8 | Self::Yuyv | Self::Nv12 => None,
             Self::StatsRecord | Self::ObstacleRecord => None,

@@ -103,3 +103,13 @@ def test_a_result_without_labels_is_saved_and_pickled(tmp_path):
     names = [file.name for file in result.save(tmp_path)]
     assert names == [name for name in FILES if name != "labels.png"]
     assert pickle.loads(pickle.dumps(result)).labels is None
+
+
+def test_a_confidence_is_saved_and_pickled(result, tmp_path):
+    assert result.confidence is None, "a network without one"
+    sure = model(TINY.with_name("tiny_unet_confidence.onnx")).infer(noise(96, 128))
+    assert (sure.confidence.shape, sure.confidence.dtype) == ((96, 128), np.uint8)
+    assert sure.confidence.max() > 100 and (sure.confidence[np.isnan(sure.depth)] == 0).all()
+    files = {file.name: file for file in sure.save(tmp_path)}
+    assert (np.array(Image.open(files["confidence.png"])) == sure.confidence).all()
+    assert (pickle.loads(pickle.dumps(sure)).confidence == sure.confidence).all()

@@ -34,7 +34,7 @@ impl BorderFill {
     }
 
     /// Replaces the ring in `values`, `[height][width]`. Values of another length are left alone.
-    pub fn apply(self, values: &mut [f32]) {
+    pub fn apply<T: Copy>(self, values: &mut [T]) {
         let Self { width, height } = self;
         if values.len() != width * height {
             return;

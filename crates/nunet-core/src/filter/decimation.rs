@@ -114,6 +114,19 @@ impl Decimation {
         &mut self.network_depth_m
     }
 
+    /// Width and height of the results, pixels.
+    #[must_use]
+    pub fn size(&self) -> ImageSize {
+        self.size
+    }
+
+    /// Decimates bytes at the network's size: the mean of each block, rounded.
+    pub fn mean_of_blocks(&self, large: &[u8], small: &mut [u8]) {
+        let width = self.network_size.width as usize;
+        let blocks = Blocks { factor: self.factor, width, columns: self.size.width as usize };
+        blocks.fill(small, large, |block| mean_byte(block));
+    }
+
     /// Decimates the depth in [`Self::network_depth`] into `depth_m`, and the labels of `full`, at the network's size, into
     /// `labels`. The returned colors are valid only if `for_cloud`.
     ///
@@ -221,6 +234,13 @@ fn most_frequent(block: &[u8], votes: &mut [u8; 256]) -> u8 {
         votes[usize::from(label)] = 0;
     }
     most
+}
+
+/// The mean, rounded.
+fn mean_byte(block: &[u8]) -> u8 {
+    let count = block.len() as u32;
+    let sum: u32 = block.iter().map(|&value| u32::from(value)).sum();
+    ((sum + count / 2) / count) as u8
 }
 
 /// The mean color, rounded.

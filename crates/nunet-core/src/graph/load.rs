@@ -113,8 +113,10 @@ impl<'a> Loader<'a> {
         let described = |source| GraphError::Description { path: path.to_owned(), source };
         if ModelDescription::is_in(model.metadata()) {
             let description = ModelDescription::from_metadata(model.metadata(), hash).map_err(described)?;
-            let segments = model.signature().outputs.iter().any(|output| output.name == "labels");
-            let manifest = Manifest::fused(&file, "rgb", "depth", segments.then_some("labels"));
+            let outputs = &model.signature().outputs;
+            let optional = ["labels", "confidence"]
+                .map(|name| outputs.iter().any(|output| output.name == name).then_some(name));
+            let manifest = Manifest::fused(&file, "rgb", "depth", optional);
             let models = vec![(path.to_owned(), model)];
             return self.wire(path, manifest, models, description, options);
         }
@@ -131,7 +133,7 @@ impl<'a> Loader<'a> {
     ) -> Result<Loaded, GraphError> {
         let file = path.file_name().unwrap_or_default().to_string_lossy();
         let sidecar = self.sidecar_of(path)?;
-        let manifest = Manifest::fused(&file, &sidecar.input, &sidecar.depth, None);
+        let manifest = Manifest::fused(&file, &sidecar.input, &sidecar.depth, [None; 2]);
         let contract = Contract::Foreign {
             element: if sidecar.format.is_some() { ElementType::Float32 } else { ElementType::Uint8 },
             image: sidecar.image_shape(),

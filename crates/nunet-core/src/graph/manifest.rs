@@ -71,6 +71,8 @@ pub struct ManifestOutputs {
     pub depth: String,
     /// The labels, if a stage segments.
     pub labels: Option<String>,
+    /// The confidence of depth, if a stage gives it.
+    pub confidence: Option<String>,
 }
 
 fn each_frame() -> u32 {
@@ -99,18 +101,17 @@ impl Manifest {
         Ok(manifest)
     }
 
-    /// The manifest of a single file: one stage that takes the image and returns the results.
-    pub(crate) fn fused(model: &str, input: &str, depth: &str, labels: Option<&str>) -> Self {
+    /// The manifest of a single file: one stage that takes the image and returns the results; `optional` are its labels
+    /// and its confidence.
+    pub(crate) fn fused(model: &str, input: &str, depth: &str, optional: [Option<&str>; 2]) -> Self {
         let stage = ManifestStage {
             name: FUSED_STAGE.to_owned(),
             model: model.to_owned(),
             inputs: BTreeMap::from([(input.to_owned(), "image".to_owned())]),
             every: 1,
         };
-        let outputs = ManifestOutputs {
-            depth: format!("{FUSED_STAGE}.{depth}"),
-            labels: labels.map(|labels| format!("{FUSED_STAGE}.{labels}")),
-        };
+        let [labels, confidence] = optional.map(|tensor| tensor.map(|name| format!("{FUSED_STAGE}.{name}")));
+        let outputs = ManifestOutputs { depth: format!("{FUSED_STAGE}.{depth}"), labels, confidence };
         Self { version: VERSION, stages: vec![stage], outputs }
     }
 }

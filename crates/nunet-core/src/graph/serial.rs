@@ -154,6 +154,12 @@ impl SerialGraph {
         self.plan.labels.is_some()
     }
 
+    /// Whether the graph has a confidence.
+    #[must_use]
+    pub fn has_confidence(&self) -> bool {
+        self.plan.confidence.is_some()
+    }
+
     /// The execution provider; never [`Provider::Auto`].
     #[must_use]
     pub fn provider(&self) -> Provider {
@@ -274,6 +280,13 @@ impl SerialGraph {
     #[must_use]
     pub fn labels(&self) -> Option<&[u8]> {
         let index = self.plan.labels.filter(|_| self.runs > 0 && !self.labels_left)?;
+        Some(self.own.bytes(index))
+    }
+
+    /// The confidence of the last run's depth, `[H, W]`: 255 = certain.
+    #[must_use]
+    pub fn confidence(&self) -> Option<&[u8]> {
+        let index = self.plan.confidence.filter(|_| self.runs > 0)?;
         Some(self.own.bytes(index))
     }
 

@@ -1,6 +1,6 @@
 //! Decodes network outputs to depth.
 
-use super::{FloorScale, Lens, PipelineError, PipelineOptions};
+use super::{ConfidenceMap, FloorScale, Lens, PipelineError, PipelineOptions};
 use crate::camera::check_scale_factor;
 use crate::depth::{BorderFill, DepthEncoding, DepthRange, OutputScale, Scale, ScaleSource};
 use crate::graph::SerialGraph;
@@ -51,15 +51,21 @@ impl Decoder {
         self.max_range_m.unwrap_or_else(of_model)
     }
 
-    /// Decodes to depth, in place, and applies the correction by the floor. Returns the number of invalid
-    /// pixels.
-    pub(super) fn decode(&mut self, depth: &mut [f32], labels: Option<&[u8]>) -> u32 {
+    /// Decodes to depth, in place, and applies the correction by the floor, for which labels and confidence are used.
+    /// Returns the number of invalid pixels.
+    pub(super) fn decode(
+        &mut self,
+        depth: &mut [f32],
+        labels: Option<&[u8]>,
+        confidence: &mut ConfidenceMap,
+    ) -> u32 {
         if let Some(border) = self.border {
             border.apply(depth);
         }
         let invalid = self.encoding.decode(depth, self.output, self.range, self.own_scale.factor);
+        let confidence = confidence.of_decoded(self.border, depth);
         if let Some(floor) = &mut self.floor {
-            self.scale = floor.correct(depth, labels, self.own_scale);
+            self.scale = floor.correct(depth, (labels, confidence), self.own_scale);
         }
         invalid
     }

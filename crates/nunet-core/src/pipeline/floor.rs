@@ -44,8 +44,13 @@ impl FloorScale {
     }
 
     /// Corrects depth of scale `base`, at the network's size, and returns its new scale.
-    pub(super) fn correct(&mut self, depth_m: &mut [f32], labels: Option<&[u8]>, base: Scale) -> Scale {
-        let found = self.gauge.measure(&DepthImage { depth_m, labels, confidence: None });
+    pub(super) fn correct(
+        &mut self,
+        depth_m: &mut [f32],
+        (labels, confidence): (Option<&[u8]>, Option<&[u8]>),
+        base: Scale,
+    ) -> Scale {
+        let found = self.gauge.measure(&DepthImage { depth_m, labels, confidence });
         let measured = found.map(|found| base.factor * found.ratio);
         let Some(tracked) = self.tracker.update(measured, self.frame_nanos.take()) else { return base };
         let correction = tracked.factor / base.factor;

@@ -1,9 +1,9 @@
 //! Padding of the network's image, and results without it.
 
-use nunet_types::{ImageSize, PixelRect};
+use nunet_types::PixelRect;
 
 use crate::framing::Framing;
-use crate::graph::DepthResize;
+use crate::graph::{DepthResize, SerialGraph};
 
 /// The image with padding, and the network's results that still have it.
 ///
@@ -16,14 +16,16 @@ pub(super) struct Letterbox {
 
 impl Letterbox {
     /// For a framing with padding of this color.
-    pub(super) fn new(framing: &Framing, color: [u8; 3], network: ImageSize, has_labels: bool) -> Self {
-        let target = framing.target();
+    pub(super) fn new(framing: &Framing, color: [u8; 3], graph: &SerialGraph) -> Self {
+        let (target, network) = (framing.target(), graph.size());
         let pixels = network.pixel_count();
+        let bytes = |is_there| vec![0; if is_there { pixels } else { 0 }];
         Self {
             canvas: Canvas { rgb: color.repeat(pixels), width: network.width as usize, target },
             inner: Inner {
                 depth: vec![0.0; pixels],
-                labels: vec![0; if has_labels { pixels } else { 0 }],
+                labels: bytes(graph.has_labels()),
+                confidence: bytes(graph.has_confidence()),
                 rgb: vec![0; 3 * pixels],
                 resize: DepthResize::of_part(target, network, network),
                 columns: nearest(target.x, target.width, network.width),
@@ -61,6 +63,8 @@ pub(super) struct Inner {
     pub(super) depth: Vec<f32>,
     /// `[H, W]`, without padding; empty for a network without labels.
     pub(super) labels: Vec<u8>,
+    /// `[H, W]`, without padding; empty for a network without confidence.
+    pub(super) confidence: Vec<u8>,
     /// `[H, W, 3]`, without padding.
     pub(super) rgb: Vec<u8>,
     resize: DepthResize,
@@ -82,14 +86,17 @@ impl Inner {
         }
     }
 
-    /// Takes depth out of its padding, and labels out of those of the network.
-    pub(super) fn take_results(&mut self, depth: &mut [f32], network_labels: Option<&[u8]>) {
+    /// Takes depth out of its padding, and labels and confidence out of those of the graph.
+    pub(super) fn take_results(&mut self, depth: &mut [f32], graph: &SerialGraph) {
         self.resize.fill(&self.depth, depth);
-        let Some(labels) = network_labels else { return };
-        for (row, out) in self.rows.iter().zip(self.labels.chunks_exact_mut(self.width)) {
-            let from = &labels[row * self.width..][..self.width];
-            for (column, label) in self.columns.iter().zip(out) {
-                *label = from[*column];
+        let Self { labels, confidence, rows, columns, width, .. } = self;
+        for (padded, values) in [(graph.labels(), labels), (graph.confidence(), confidence)] {
+            let Some(padded) = padded else { continue };
+            for (row, out) in rows.iter().zip(values.chunks_exact_mut(*width)) {
+                let from = &padded[row * *width..][..*width];
+                for (column, value) in columns.iter().zip(out) {
+                    *value = from[*column];
+                }
             }
         }
     }

@@ -60,8 +60,7 @@ impl Network {
         if framing.target() != self.framing.target() {
             self.preprocessor = Preprocessor::new(width, height);
             let color = self.graph.float_input().map_or(MEAN_COLOR, TensorFormat::mean_color);
-            let (size, has_labels) = (self.graph.size(), self.graph.has_labels());
-            self.letterbox = framing.is_padded().then(|| Letterbox::new(&framing, color, size, has_labels));
+            self.letterbox = framing.is_padded().then(|| Letterbox::new(&framing, color, &self.graph));
         }
         self.preprocessor.set_view(framing.is_cropped().then(|| framing.view()));
         self.framing = framing;
@@ -100,10 +99,16 @@ impl Network {
     /// Fills `depth` and `labels` if they have not been filled by [`Self::run`]: without the padding.
     pub(super) fn take_results(&mut self, depth: &mut [f32], labels: Option<&mut [u8]>) {
         let Some(Letterbox { inner, .. }) = &mut self.letterbox else { return };
-        inner.take_results(depth, self.graph.labels());
+        inner.take_results(depth, &self.graph);
         if let Some(labels) = labels {
             labels.copy_from_slice(&inner.labels);
         }
+    }
+
+    /// The confidence of the last frame's depth, pixel on pixel with the results, if the network has one.
+    pub(super) fn confidence(&self) -> Option<&[u8]> {
+        let padded = self.graph.confidence()?;
+        Some(self.letterbox.as_ref().map_or(padded, |letterbox| &letterbox.inner.confidence[..]))
     }
 
     /// Colors and labels of the last frame, which was `frame`, pixel on pixel with the results. No labels if they were

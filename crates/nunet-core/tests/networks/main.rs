@@ -4,6 +4,7 @@
 mod answers;
 mod bad_models;
 mod buffers;
+mod confidence;
 mod filters;
 mod foreign;
 mod foreign_cases;

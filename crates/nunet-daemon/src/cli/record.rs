@@ -70,7 +70,7 @@ pub struct ReplayArgs {
     #[command(flatten)]
     pub mount: MountArgs,
     /// The results to record
-    #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Publish::Depth, Publish::Labels, Publish::Cloud])]
+    #[arg(long, value_enum, value_delimiter = ',', default_values_t = Publish::DEFAULT)]
     pub publish: Vec<Publish>,
     /// Overwrite an existing recording
     #[arg(long)]

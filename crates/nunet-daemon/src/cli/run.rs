@@ -204,7 +204,7 @@ pub struct StreamArgs {
     pub frame_id: Option<Text<FrameId>>,
     /// The topics that can be read; all but depth are computed only while something reads them. With --mount, obstacles can
     /// always be read
-    #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Publish::Depth, Publish::Labels, Publish::Cloud])]
+    #[arg(long, value_enum, value_delimiter = ',', default_values_t = Publish::DEFAULT)]
     pub publish: Vec<Publish>,
     /// The number of processes that may read at a time; half as many may read the cloud. Memory is reserved for all
     /// [default: 4]

@@ -12,6 +12,8 @@ pub enum Publish {
     Depth,
     /// Class indices.
     Labels,
+    /// The confidence of depth, if the model has one.
+    Confidence,
     /// The organized point cloud.
     Cloud,
     /// Obstacles around the robot; needs the camera's mount.
@@ -20,7 +22,10 @@ pub enum Publish {
 
 impl Publish {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Depth, Self::Labels, Self::Cloud, Self::Obstacles];
+    pub const ALL: [Self; 5] = [Self::Depth, Self::Labels, Self::Confidence, Self::Cloud, Self::Obstacles];
+
+    /// Those that are published by default.
+    pub const DEFAULT: [Self; 4] = [Self::Depth, Self::Labels, Self::Confidence, Self::Cloud];
 
     /// As the user writes it.
     #[must_use]
@@ -28,6 +33,7 @@ impl Publish {
         match self {
             Self::Depth => "depth",
             Self::Labels => "labels",
+            Self::Confidence => "confidence",
             Self::Cloud => "cloud",
             Self::Obstacles => "obstacles",
         }

@@ -32,6 +32,7 @@ pub(super) fn open(context: &SinkContext<'_>) -> anyhow::Result<Option<Box<dyn S
         classes: context.common.classes,
         mount: config.mount.map(mount),
         has_labels: context.pipeline.graph().has_labels(),
+        has_confidence: context.pipeline.graph().has_confidence(),
         has_obstacles: context.has_obstacles,
         counts: &counts,
         about: &[],

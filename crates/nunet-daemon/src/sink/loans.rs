@@ -1,7 +1,7 @@
 //! Shared memory for results: the planned topics, and the chunks for the results of one frame.
 
 use anyhow::Context as _;
-use nunet_core::obstacle::{ObstacleOptions, Obstacles};
+use nunet_core::obstacle::{DepthImage, ObstacleOptions, Obstacles};
 use nunet_core::pipeline::{Outputs, Pipeline};
 use nunet_ipc::{CloudPoint, Loan, ObstacleRecord, StatsRecord, Topic, TopicPlan};
 use nunet_sink::obstacle_record::fill_record;
@@ -12,6 +12,7 @@ use crate::config::Publish;
 pub(crate) struct Loans {
     pub(super) depth: Loan,
     pub(super) labels: Option<Loan>,
+    pub(super) confidence: Option<Loan>,
     pub(super) cloud: Option<Loan>,
     pub(super) obstacles: Option<Loan>,
 }
@@ -31,8 +32,19 @@ impl Loans {
     }
 
     /// Depth and labels after the pipeline filled them; no labels if they went into the spare memory.
-    pub(crate) fn depth_and_labels(&mut self) -> anyhow::Result<(&[f32], Option<&[u8]>)> {
-        Ok((self.depth.slice_mut()?, self.labels.as_mut().map(|labels| &*labels.bytes_mut())))
+    pub(crate) fn depth_image<'a>(
+        &'a mut self,
+        confidence: Option<&'a [u8]>,
+    ) -> anyhow::Result<DepthImage<'a>> {
+        let labels = self.labels.as_mut().map(|labels| &*labels.bytes_mut());
+        Ok(DepthImage { depth_m: self.depth.slice_mut()?, labels, confidence })
+    }
+
+    /// Writes the confidence of the frame, if a reader or a sink needs it.
+    pub(crate) fn set_confidence(&mut self, values: Option<&[u8]>) {
+        if let (Some(loan), Some(values)) = (&mut self.confidence, values) {
+            loan.bytes_mut().copy_from_slice(values);
+        }
     }
 
     /// Writes the obstacles of the frame, if a reader or a sink needs them.
@@ -52,10 +64,12 @@ impl Loans {
 pub(crate) fn plans(pipeline: &Pipeline, publish: &[Publish], obstacles: bool) -> Vec<TopicPlan> {
     let (pixels, points) = (pipeline.size().pixel_count(), pipeline.cloud_size().pixel_count());
     let labels = publish.contains(&Publish::Labels) && pipeline.graph().has_labels();
+    let confidence = publish.contains(&Publish::Confidence) && pipeline.graph().has_confidence();
     let cloud = publish.contains(&Publish::Cloud);
     let all = [
         (true, Topic::Depth, pixels * size_of::<f32>()),
         (labels, Topic::Labels, pixels),
+        (confidence, Topic::Confidence, pixels),
         (cloud, Topic::Cloud, points * size_of::<CloudPoint>()),
         (obstacles, Topic::Obstacles, size_of::<ObstacleRecord>()),
         (true, Topic::Stats, size_of::<StatsRecord>()),

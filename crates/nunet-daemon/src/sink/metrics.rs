@@ -4,11 +4,11 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 
 use nunet_sink::metrics::metrics_sink;
+use nunet_sink::stats_record::stage_names;
 use nunet_telemetry::Metrics;
 use nunet_view::MetricsServer;
 use tracing::info;
 
-use super::shm::stage_names;
 use super::{Sink, SinkContext};
 use crate::exit::WithHint;
 

@@ -40,6 +40,7 @@ pub(super) fn open(context: &SinkContext<'_>) -> anyhow::Result<Option<Box<dyn S
         classes: common.classes,
         mount,
         has_labels: context.pipeline.graph().has_labels(),
+        has_confidence: context.pipeline.graph().has_confidence(),
         has_obstacles: context.has_obstacles,
         counts: &counts,
         about: &about,

@@ -4,23 +4,21 @@
 //! publishing.
 #![expect(unsafe_code, reason = "published messages are read in place")]
 
-use std::marker::PhantomData;
-
 use anyhow::Context as _;
 use nunet_core::camera::Camera;
 use nunet_core::clock::Clock as _;
 use nunet_core::pipeline::{FrameReport, Pipeline};
 use nunet_engine::MonotonicClock;
 use nunet_ipc::{
-    CameraName, CloudPoint, Encoding, FrameHeader, IpcError, Limits, Loan, Publisher, StatsRecord, Topic,
-    Units, Wake, monotonic_nanos,
+    CameraName, CloudPoint, Encoding, FrameHeader, IpcError, Limits, Loan, Publisher, SentPayload,
+    StatsRecord, Topic, Units, Wake, monotonic_nanos,
 };
 use nunet_telemetry::{Counts, Latencies, Totals, foreign_allocations};
 use nunet_types::ImageSize;
 use tracing::{info, warn};
 
 use nunet_sink::obstacle_record::BASE_FRAME;
-use nunet_sink::stats_record;
+use nunet_sink::stats_record::{self, stage_names};
 
 use super::loans::{Loans, plans};
 use super::{Results, Wants};
@@ -29,20 +27,6 @@ use crate::source::Frame;
 
 /// How often percentiles are recomputed; the ledger is updated for every frame.
 const SUMMARY_PERIOD_NANOS: u64 = 500_000_000;
-
-/// The stages outside of the pipeline: waiting before it, publishing after it.
-const QUEUE: &str = "queue";
-const PUBLISH: &str = "publish";
-/// The stage after the pipeline.
-const OBSTACLES: &str = "obstacles";
-
-/// The stages of a frame in the order of the header's and the statistics' times. `publish` is not in the header of
-/// the frame itself, which is written before it.
-pub(crate) fn stage_names(pipeline: &Pipeline, has_obstacles: bool) -> impl Iterator<Item = &str> {
-    let inner = pipeline.stage_names().iter().map(String::as_str);
-    let obstacles = has_obstacles.then_some(OBSTACLES);
-    std::iter::once(QUEUE).chain(inner).chain(obstacles).chain(std::iter::once(PUBLISH))
-}
 
 /// What is published, and who can read it.
 pub(crate) struct ShmPublisherOptions<'a> {
@@ -75,39 +59,22 @@ pub(crate) struct ShmPublisher {
 #[derive(Debug, Default)]
 struct Last {
     report: Option<FrameReport>,
-    depth: Option<PublishedPayload<f32>>,
-    labels: Option<PublishedPayload<u8>>,
-    cloud: Option<PublishedPayload<CloudPoint>>,
+    depth: Option<SentPayload<f32>>,
+    labels: Option<SentPayload<u8>>,
+    confidence: Option<SentPayload<u8>>,
+    cloud: Option<SentPayload<CloudPoint>>,
     has_obstacles: bool,
 }
 
 impl Last {
     /// The results that were published besides depth.
     fn has(&self) -> Wants {
-        Wants { labels: self.labels.is_some(), cloud: self.cloud.is_some(), obstacles: self.has_obstacles }
-    }
-}
-
-/// The location of the payload of a published message: an address, not a pointer, so that it can move between threads.
-#[derive(Debug)]
-struct PublishedPayload<T> {
-    address: usize,
-    count: usize,
-    of: PhantomData<fn() -> T>,
-}
-
-impl<T> PublishedPayload<T> {
-    /// Records the payload of a loan before it is sent.
-    fn of(payload: &mut [T]) -> Self {
-        Self { address: payload.as_mut_ptr().expose_provenance(), count: payload.len(), of: PhantomData }
-    }
-
-    /// # Safety
-    /// The message was sent, and no newer one of its topic for as long as the result is borrowed: until then the history
-    /// of its service holds its memory, and no process writes into memory that was sent.
-    unsafe fn payload<'a>(&self) -> &'a [T] {
-        // SAFETY: address and count are those of a slice (see `of`); the caller keeps its memory alive and unchanged.
-        unsafe { std::slice::from_raw_parts(std::ptr::with_exposed_provenance(self.address), self.count) }
+        Wants {
+            labels: self.labels.is_some(),
+            confidence: self.confidence.is_some(),
+            cloud: self.cloud.is_some(),
+            obstacles: self.has_obstacles,
+        }
     }
 }
 
@@ -139,12 +106,7 @@ impl ShmPublisher {
 
     /// Memory for depth, and for the results that a reader or a sink (`wants`) needs.
     pub(crate) fn loan(&self, wants: Wants) -> anyhow::Result<Loans> {
-        let is_read = |topic| self.publisher.has_readers(topic);
-        self.loan_for(wants.union(Wants {
-            labels: is_read(Topic::Labels),
-            cloud: is_read(Topic::Cloud),
-            obstacles: is_read(Topic::Obstacles),
-        }))
+        self.loan_for(wants.union(Wants::of(|topic| self.publisher.has_readers(topic))))
     }
 
     /// Whether obstacles have readers.
@@ -154,41 +116,34 @@ impl ShmPublisher {
 
     /// Whether the last frame was published without a result that a reader may need.
     pub(crate) fn has_omitted_results(&self) -> bool {
-        let Wants { labels, cloud, obstacles } = self.last.has();
-        [(labels, Topic::Labels), (cloud, Topic::Cloud), (obstacles, Topic::Obstacles)]
-            .iter()
-            .any(|(sent, topic)| !sent && self.topics.contains(topic))
+        let missing = Wants::of(|topic| self.topics.contains(&topic) && !self.last.has().has(topic));
+        missing != Wants::default()
     }
 
     /// Memory for results that the last frame was published without and that a new reader needs;
     /// `None` if there is no such reader.
     pub(crate) fn loan_for_late_readers(&self) -> anyhow::Result<Option<Loans>> {
         let sent = self.last.has();
-        let late = |sent: bool, topic| !sent && self.publisher.has_readers(topic);
-        let wants = Wants {
-            labels: late(sent.labels, Topic::Labels),
-            cloud: late(sent.cloud, Topic::Cloud),
-            obstacles: late(sent.obstacles, Topic::Obstacles),
-        };
+        let wants = Wants::of(|topic| !sent.has(topic) && self.publisher.has_readers(topic));
         (wants != Wants::default()).then(|| self.loan_for(wants)).transpose()
     }
 
     /// Always includes depth, because the pipeline always writes it.
     fn loan_for(&self, wants: Wants) -> anyhow::Result<Loans> {
-        let loan = |wanted: bool, topic| {
-            (wanted && self.topics.contains(&topic)).then(|| self.chunk(topic)).transpose()
-        };
+        let is_wanted = |topic| wants.has(topic) && self.topics.contains(&topic);
+        let loan = |topic| is_wanted(topic).then(|| self.chunk(topic)).transpose();
         Ok(Loans {
             depth: self.chunk(Topic::Depth)?,
-            labels: loan(wants.labels, Topic::Labels)?,
-            cloud: loan(wants.cloud, Topic::Cloud)?,
-            obstacles: loan(wants.obstacles, Topic::Obstacles)?,
+            labels: loan(Topic::Labels)?,
+            confidence: loan(Topic::Confidence)?,
+            cloud: loan(Topic::Cloud)?,
+            obstacles: loan(Topic::Obstacles)?,
         })
     }
 
     /// The results of the last published frame, in shared memory.
     pub(crate) fn last_results(&self) -> Option<Results<'_>> {
-        let Last { report, depth, labels, cloud, has_obstacles: _ } = &self.last;
+        let Last { report, depth, labels, confidence, cloud, has_obstacles: _ } = &self.last;
         let report = (*report)?;
         let depth = depth.as_ref()?;
         // SAFETY: `last` has messages that were sent. Newer ones are sent by `publish` and `publish_to_late_readers`, which
@@ -197,12 +152,15 @@ impl ShmPublisher {
         // SAFETY: as above.
         let labels = labels.as_ref().map(|message| unsafe { message.payload() });
         // SAFETY: as above.
+        let confidence = confidence.as_ref().map(|message| unsafe { message.payload() });
+        // SAFETY: as above.
         let cloud = cloud.as_ref().map(|message| unsafe { message.payload() });
         Some(Results {
             scale: report.scale(),
             size: self.size,
             depth,
             labels,
+            confidence,
             cloud_size: self.cloud_size,
             cloud,
             camera: report.camera,
@@ -220,11 +178,11 @@ impl ShmPublisher {
         queue_micros: u32,
     ) -> anyhow::Result<()> {
         self.describe(frame, report, queue_micros);
-        let Loans { mut depth, labels, cloud, obstacles } = loans;
+        let Loans { mut depth, labels, confidence, cloud, obstacles } = loans;
         self.last = Last::default();
-        self.send_beside_depth(labels, cloud, report)?;
+        self.send_beside_depth([labels, confidence], cloud, report)?;
         self.send_obstacles(obstacles)?;
-        let message = PublishedPayload::of(depth.slice_mut()?);
+        let message = SentPayload::of(depth.slice_mut()?);
         send(depth, self.shaped(Encoding::DepthF32, self.size, report.camera))?;
         self.last.depth = Some(message);
         self.last.report = Some(*report);
@@ -239,31 +197,44 @@ impl ShmPublisher {
         report: &FrameReport,
     ) -> anyhow::Result<()> {
         self.describe(frame, report, 0);
-        let Loans { depth: _, labels, cloud, obstacles } = loans;
-        self.send_beside_depth(labels, cloud, report)?;
+        let Loans { depth: _, labels, confidence, cloud, obstacles } = loans;
+        self.send_beside_depth([labels, confidence], cloud, report)?;
         self.send_obstacles(obstacles)?;
         Ok(foreign_allocations(|| self.publisher.notify(Wake::Depth))?)
     }
 
     fn send_beside_depth(
         &mut self,
-        labels: Option<Loan>,
+        [labels, confidence]: [Option<Loan>; 2],
         cloud: Option<Loan>,
         report: &FrameReport,
     ) -> anyhow::Result<()> {
-        if let Some(mut loan) = labels {
-            let message = PublishedPayload::of(loan.bytes_mut());
-            let header = self.shaped(Encoding::LabelsU8, self.size, report.camera);
-            send(loan, FrameHeader { units: Units::None.into(), ..header })?;
-            self.last.labels = Some(message);
+        if let Some(loan) = labels {
+            self.last.labels = Some(self.send_bytes(loan, Encoding::LabelsU8, report)?);
+        }
+        if let Some(loan) = confidence {
+            self.last.confidence = Some(self.send_bytes(loan, Encoding::ConfidenceU8, report)?);
         }
         if let Some(mut loan) = cloud {
-            let message = PublishedPayload::of(loan.slice_mut()?);
+            let message = SentPayload::of(loan.slice_mut()?);
             let camera = report.camera.map(|camera| camera.subsampled(self.cloud_stride));
             send(loan, self.shaped(Encoding::Points, self.cloud_size, camera))?;
             self.last.cloud = Some(message);
         }
         Ok(())
+    }
+
+    /// Sends a map of one byte per pixel.
+    fn send_bytes(
+        &self,
+        mut loan: Loan,
+        encoding: Encoding,
+        report: &FrameReport,
+    ) -> anyhow::Result<SentPayload<u8>> {
+        let message = SentPayload::of(loan.bytes_mut());
+        let header = self.shaped(encoding, self.size, report.camera);
+        send(loan, FrameHeader { units: Units::None.into(), ..header })?;
+        Ok(message)
     }
 
     fn send_obstacles(&mut self, loan: Option<Loan>) -> anyhow::Result<()> {

@@ -10,6 +10,7 @@ use nunet_ipc::LATE_JOINER_PERIOD;
 use nunet_sink::empty_depth::EmptyDepthWarning;
 use nunet_sink::obstacles::ObstacleStage;
 use nunet_sink::stability::{StabilityLimit, StabilityWarning};
+use nunet_sink::stats_record::stage_names;
 use nunet_telemetry::{
     Counts, FrameEnd, Latencies, MessageCounts, RateLimit, Totals, allocations_of_this_thread, micros_between,
 };
@@ -20,7 +21,7 @@ use super::round_robin::{Poll, RoundRobinTask};
 use super::state::StreamState;
 use crate::exit::{is_usage, warn_of_camera};
 use crate::sink::loans::Loans;
-use crate::sink::shm::{ShmPublisher, stage_names};
+use crate::sink::shm::ShmPublisher;
 use crate::sink::{FinishingSink, PublishedFrame, Results, Sink, Status, Timings, Wants};
 use crate::source::{CameraResolver, Continuity, Frame, Taken};
 
@@ -313,16 +314,16 @@ impl StreamTask {
         loans: &mut Loans,
         with_obstacles: bool,
     ) -> anyhow::Result<FrameReport> {
-        let stage = self.obstacles.as_mut().filter(|_| with_obstacles);
-        let spare = stage.and_then(ObstacleStage::spare_labels);
+        let spare = self.obstacles.as_mut().filter(|_| with_obstacles).and_then(ObstacleStage::spare_labels);
         let mut report = self.pipeline.process(&frame.view()?, loans.outputs(spare)?, &MonotonicClock)?;
         report.bytes_copied += frame.bytes_copied;
+        loans.set_confidence(self.pipeline.confidence());
         let Some(stage) = &mut self.obstacles else { return Ok(report) };
         let start_nanos = MonotonicClock.nanos();
         if with_obstacles {
             let options = stage.config().options;
-            let camera = self.pipeline.points_camera();
-            let found = stage.detect(camera, loans.depth_and_labels()?, frame.capture.nanos)?;
+            let image = loans.depth_image(self.pipeline.confidence())?;
+            let found = stage.detect(self.pipeline.points_camera(), image, frame.capture.nanos)?;
             loans.set_obstacles(found, &options)?;
         }
         report.stages.push(start_nanos, MonotonicClock.nanos());

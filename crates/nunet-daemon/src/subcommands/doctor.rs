@@ -110,7 +110,7 @@ fn shared_memory(pipeline: Option<&Pipeline>) -> Finding {
     let Some(pipeline) = pipeline else {
         return Ok(format!("{megabytes} MB free; how much is needed depends on the model"));
     };
-    let everything = [Publish::Depth, Publish::Labels, Publish::Cloud];
+    let everything = Publish::DEFAULT;
     let need = Reservation::new(&plans(pipeline, &everything, false), &Limits::default());
     need.check(free).map_err(Problem::of)?;
     Ok(format!("{megabytes} MB free, a camera needs {need}"))

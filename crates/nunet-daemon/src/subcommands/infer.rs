@@ -219,8 +219,8 @@ impl Work {
     fn write_obstacles(&mut self, folder: &Path) -> anyhow::Result<()> {
         let Some(stage) = &mut self.obstacles else { return Ok(()) };
         let config = *stage.config();
-        let results = (self.buffers.depth(), self.buffers.labels());
-        let found = stage.detect(self.pipeline.points_camera(), results, 0)?;
+        let image = self.buffers.depth_image(&self.pipeline);
+        let found = stage.detect(self.pipeline.points_camera(), image, 0)?;
         let image = self.frame.view()?;
         let rgb = self.pipeline.network_image(&image);
         ObstacleView { found, config: &config, pipeline: &self.pipeline, rgb }.write(folder)
@@ -232,6 +232,7 @@ impl Work {
             depth: self.buffers.depth(),
             metric: report.units == Units::Metre,
             labels: self.buffers.labels(),
+            confidence: self.pipeline.confidence(),
             cloud: Some(self.buffers.cloud()),
         }
     }

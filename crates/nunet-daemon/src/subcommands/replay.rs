@@ -136,6 +136,7 @@ struct Replay {
     record: RecordedFrame,
     writer: FrameWriter,
     labels: bool,
+    confidence: bool,
     cloud: bool,
     /// Hash of depth and labels only: independent of other recorded data.
     results: Sha256,
@@ -208,6 +209,7 @@ impl Replay {
             record: RecordedFrame::default(),
             writer,
             labels: publish.contains(&Publish::Labels),
+            confidence: publish.contains(&Publish::Confidence),
             cloud: publish.contains(&Publish::Cloud),
             results: Sha256::new(),
             frames: 0,
@@ -258,6 +260,7 @@ impl Replay {
             size: self.pipeline.size(),
             depth: self.buffers.depth(),
             labels: self.buffers.labels().filter(|_| self.labels),
+            confidence: self.pipeline.confidence().filter(|_| self.confidence),
             cloud_size: self.pipeline.cloud_size(),
             cloud: self.cloud.then(|| self.buffers.cloud()),
             camera: report.camera,
@@ -371,6 +374,7 @@ mod tests {
                     depth,
                     depth_camera,
                     labels,
+                    confidence: None,
                     cloud,
                 })
                 .unwrap();

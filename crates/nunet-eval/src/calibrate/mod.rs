@@ -272,7 +272,7 @@ impl Calibrator {
             self.gauge = Some((camera, FloorGauge::new(&camera, mount, classes)?));
         }
         let labels = (!self.labels.is_empty()).then_some(&self.labels[..]);
-        let image = DepthImage { depth_m: &self.depth_m, labels, confidence: None };
+        let image = DepthImage { depth_m: &self.depth_m, labels, confidence: self.pipeline.confidence() };
         let found = self.gauge.as_mut().and_then(|(_, gauge)| gauge.measure(&image));
         Ok(found.map(|found| f64::from(found.ratio)))
     }

@@ -127,6 +127,7 @@ pub const SERVICES: &[&str] = &[
     "nunet/CAMERA/cloud",
     "nunet/CAMERA/obstacles",
     "nunet/CAMERA/stats",
+    "nunet/CAMERA/confidence",
     "nunet/CAMERA/wake",
 ];
 

@@ -3,6 +3,7 @@
 mod checks;
 mod loan;
 mod prefault;
+mod sent;
 mod services;
 
 use std::time::Duration;
@@ -28,6 +29,7 @@ use crate::service::{TopicService, WakeService, publisher_of};
 
 pub use checks::free_shared_memory_bytes;
 pub use loan::Loan;
+pub use sent::SentPayload;
 
 /// How soon a late subscriber receives the last frame while the source is paused: the period of
 /// [`Publisher::refresh`].

@@ -88,6 +88,14 @@ impl Message {
         self.grid(Encoding::LabelsU8)
     }
 
+    /// The confidence of each pixel's depth: `[height, width]`, rows from the top, 255 = certain.
+    ///
+    /// # Errors
+    /// Those of [`depth`](Self::depth).
+    pub fn confidence(&self) -> Result<&[u8], IpcError> {
+        self.grid(Encoding::ConfidenceU8)
+    }
+
     /// The cloud's points: `[height, width]`, rows from the top.
     ///
     /// # Errors

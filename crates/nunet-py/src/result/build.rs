@@ -34,7 +34,8 @@ impl Result {
     }
 
     fn new(py: Python<'_>, inferred: Inferred, origin: Origin, shared: Arc<ResultContext>) -> PyResult<Self> {
-        let Inferred { depth, labels, rgb, report, points_camera, framing, total_nanos } = inferred;
+        let Inferred { depth, labels, confidence, rgb, report, points_camera, framing, total_nanos } =
+            inferred;
         let (width, height) = (points_camera.intrinsics.width, points_camera.intrinsics.height);
         let (rows, columns) = (height as usize, width as usize);
         let timings = PyDict::new(py);
@@ -43,9 +44,11 @@ impl Result {
         }
         timings.set_item("total", total_nanos as f64 / 1e6)?;
         let labels = labels.map(|labels| array(py, labels, [rows, columns])).transpose()?;
+        let confidence = confidence.map(|values| array(py, values, [rows, columns])).transpose()?;
         Ok(Self {
             depth: array(py, depth, [rows, columns])?.cast_into()?.unbind(),
             labels: labels.map(|labels| labels.cast_into().map(Bound::unbind)).transpose()?,
+            confidence: confidence.map(|values| values.cast_into().map(Bound::unbind)).transpose()?,
             rgb: array(py, rgb, [rows, columns, 3])?.cast_into()?.unbind(),
             units: report.units.name().to_owned(),
             scale_source: report.scale_source.name().to_owned(),

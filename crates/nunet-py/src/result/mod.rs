@@ -41,6 +41,8 @@ struct Origin {
 ///     float32 (H, W), rows from the top: distance along the optical axis, in `units`. NaN where there is no depth.
 /// labels : numpy.ndarray or None
 ///     uint8 (H, W): indices into `class_names`; `None` if the network does not segment.
+/// confidence : numpy.ndarray or None
+///     uint8 (H, W): 255 = certain, 0 where there is no depth; `None` if the network has no confidence.
 /// class_names : tuple of str
 ///     The name of each label.
 /// rgb : numpy.ndarray
@@ -75,6 +77,8 @@ pub(crate) struct Result {
     depth: Py<PyArray2<f32>>,
     #[pyo3(get)]
     labels: Option<Py<PyArray2<u8>>>,
+    #[pyo3(get)]
+    confidence: Option<Py<PyArray2<u8>>>,
     #[pyo3(get)]
     rgb: Py<PyArray3<u8>>,
     #[pyo3(get)]
@@ -217,7 +221,7 @@ impl Result {
     ///
     /// `depth.npy`: float32, NaN where there is no depth. `depth_mm.png`: 16-bit millimeters, 0 where there is no depth; only
     /// if `units` is `metre`. `depth.png`: colors with a scale. `labels.png`: class indices; only if there are labels.
-    /// `cloud.ply`: the points that have depth.
+    /// `confidence.png`: 255 = certain; only if there is a confidence. `cloud.ply`: the points that have depth.
     ///
     /// Parameters
     /// ----------

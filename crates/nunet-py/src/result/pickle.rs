@@ -10,10 +10,11 @@ use pyo3::types::{PyDict, PyTuple};
 use super::{Origin, Result, ResultContext};
 use crate::camera::PyCamera;
 
-/// A result without its arrays.
+/// A result without its depth, labels and colors.
 #[derive(FromPyObject, IntoPyObject)]
 #[pyo3(from_item_all)]
 pub(super) struct PickledResult {
+    confidence: Option<Py<PyArray2<u8>>>,
     class_names: Py<PyTuple>,
     units: String,
     scale_source: String,
@@ -39,6 +40,7 @@ pub(super) type Reduced<'py> =
 pub(super) fn reduce<'py>(py: Python<'py>, result: &Result) -> PyResult<Reduced<'py>> {
     let Origin { topic, frame_id, sequence, capture_nanos } = result.origin.clone();
     let state = PickledResult {
+        confidence: result.confidence.as_ref().map(|values| values.clone_ref(py)),
         class_names: result.shared.class_names.clone_ref(py),
         units: result.units.clone(),
         scale_source: result.scale_source.clone(),
@@ -72,6 +74,7 @@ pub(super) fn _result(
     Result {
         depth,
         labels,
+        confidence: state.confidence,
         rgb,
         units: state.units,
         scale_source: state.scale_source,

@@ -68,11 +68,13 @@ impl Result {
     ) -> PyResult<Vec<PathBuf>> {
         let depth = self.depth.bind(py).try_readonly()?;
         let labels = self.labels.as_ref().map(|labels| labels.bind(py).try_readonly()).transpose()?;
+        let confidence = self.confidence.as_ref().map(|values| values.bind(py).try_readonly()).transpose()?;
         let results = ResultArrays {
             size: self.size(),
             depth: depth.as_slice()?,
             metric: self.units == METRE,
             labels: labels.as_ref().map(|labels| labels.as_slice()).transpose()?,
+            confidence: confidence.as_ref().map(|values| values.as_slice()).transpose()?,
             cloud: Some(cloud),
         };
         py.detach(|| write_results(folder, &results)).map_err(|error| failure(&error.into()))
@@ -96,7 +98,9 @@ impl Result {
         let depth = self.depth.bind(py).try_readonly()?;
         let labels = self.labels.as_ref().map(|labels| labels.bind(py).try_readonly()).transpose()?;
         let labels = labels.as_ref().map(|labels| labels.as_slice()).transpose()?;
-        let image = DepthImage { depth_m: depth.as_slice()?, labels, confidence: None };
+        let confidence = self.confidence.as_ref().map(|values| values.bind(py).try_readonly()).transpose()?;
+        let confidence = confidence.as_ref().map(|values| values.as_slice()).transpose()?;
+        let image = DepthImage { depth_m: depth.as_slice()?, labels, confidence };
         PyObstacles::of_depth(py, &image, (&camera, mount), &classes, options)
     }
 }

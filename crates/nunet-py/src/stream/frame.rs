@@ -127,6 +127,13 @@ impl PyFrame {
         plane::<u8>(self.encoded(py, Topic::Labels, Encoding::LabelsU8)?, 1, 0)
     }
 
+    /// uint8 (H, W): the confidence of each pixel's depth, 255 = certain, 0 where there is no depth. A read-only view of
+    /// shared memory.
+    #[getter]
+    fn confidence<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        plane::<u8>(self.encoded(py, Topic::Confidence, Encoding::ConfidenceU8)?, 1, 0)
+    }
+
     /// The organized point cloud. Its `points`, `labels` and `colors` are read-only views of shared memory with strides of
     /// 16 bytes. `colors` has a negative stride (the memory holds BGR), so torch needs a copy.
     #[getter]

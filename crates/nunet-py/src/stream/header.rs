@@ -16,7 +16,7 @@ pub(super) const VIOLATION: &str = "update the sender: it violates the shared-me
 pub(crate) struct FrameHeader {
     /// Version of the contract.
     contract_version: u32,
-    /// `rgb`, `depth`, `labels`, `cloud`, `obstacles` or `stats`.
+    /// `rgb`, `depth`, `labels`, `confidence`, `cloud`, `obstacles` or `stats`.
     topic: &'static str,
     /// Number of the frame: equal in all topics of a frame. It increases from an arbitrary start.
     sequence: u64,
@@ -28,8 +28,8 @@ pub(crate) struct FrameHeader {
     publish_nanos: i64,
     /// `monotonic` (that of `time.monotonic_ns()`), `unix` or `media` (the position in a recording).
     capture_clock: &'static str,
-    /// `depth_f32`, `labels_u8`, `points`, `obstacle_record`, `stats_record`, or of an image: `rgb8`, `bgr8`, `mono8`,
-    /// `yuyv`, `nv12`.
+    /// `depth_f32`, `labels_u8`, `confidence_u8`, `points`, `obstacle_record`, `stats_record`, or of an image: `rgb8`,
+    /// `bgr8`, `mono8`, `yuyv`, `nv12`.
     encoding: &'static str,
     /// Number of columns, pixels or points.
     width: u32,

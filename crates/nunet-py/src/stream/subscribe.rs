@@ -34,9 +34,9 @@ pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 /// camera : str
 ///     The camera's name, as in `nunetd --camera`.
 /// topics : sequence of str, optional
-///     The content of each frame: any of `rgb`, `depth`, `labels`, `cloud`, `obstacles` and `stats`. By default `depth`.
-///     Cloud, labels and obstacles are computed only while there is a subscriber. `rgb` comes from the camera's own
-///     publisher (`nunetd feed`, `nunet_py.publisher`); each image is joined with the depth that was computed from it.
+///     The content of each frame: any of `rgb`, `depth` (the default), `labels`, `confidence`, `cloud`, `obstacles` and
+///     `stats`. Cloud, labels and obstacles are computed only while there is a subscriber. `rgb` comes from the camera's
+///     own publisher (`nunetd feed`, `nunet_py.publisher`); each image is joined with the depth that was computed from it.
 /// timeout : float, optional
 ///     Seconds to wait for the daemon, and later for each frame. `None` and `math.inf` wait without limit.
 ///

@@ -9,8 +9,15 @@ use crate::argument::shown;
 use crate::error::hinted;
 
 /// The topics that can be subscribed to.
-pub(super) const TOPICS: [Topic; 6] =
-    [Topic::Rgb, Topic::Depth, Topic::Labels, Topic::Cloud, Topic::Obstacles, Topic::Stats];
+pub(super) const TOPICS: [Topic; 7] = [
+    Topic::Rgb,
+    Topic::Depth,
+    Topic::Labels,
+    Topic::Confidence,
+    Topic::Cloud,
+    Topic::Obstacles,
+    Topic::Stats,
+];
 
 /// The topics that a user names: several, or one.
 pub(super) fn topics_of(given: &Bound<'_, PyAny>) -> PyResult<Vec<Topic>> {

@@ -26,11 +26,14 @@ pub enum WiringError {
     /// `every` of 0.
     #[error("stage `{stage}` has `every = 0`")]
     EveryZero { stage: Box<str> },
-    /// The stage of the depth output does not run for each frame.
+    /// The stage of the depth output, or of its confidence, does not run for each frame.
     #[error(
-        "stage `{stage}` has `every = {every}`, but computes the depth, which is measured for each frame"
+        "stage `{stage}` has `every = {every}`, but computes the {role}, which is measured for each frame"
     )]
-    DepthSkipped { stage: Box<str>, every: u32 },
+    DepthSkipped { role: &'static str, stage: Box<str>, every: u32 },
+    /// One tensor as two results.
+    #[error("the outputs `labels` and `confidence` are both `{reference}`")]
+    SameResult { reference: Box<str> },
     /// Two stages of one name.
     #[error("two stages are named `{stage}`")]
     DuplicateStage { stage: Box<str> },
@@ -115,6 +118,7 @@ impl Hint for WiringError {
             Self::ImagesDiffer { .. } => "export all stages for one image size".into(),
             Self::EveryZero { .. } => "1 runs the stage for each frame, 2 for every second one".into(),
             Self::DepthSkipped { .. } => "skip an earlier stage instead".into(),
+            Self::SameResult { .. } => "leave the output out that the model does not have".into(),
             Self::UnusedStage { .. } => "remove the stage, or use one of its tensors".into(),
             Self::Unbound { tensor, in_sidecar: true, .. } => format!(
                 "feed it in the sidecar's `[inputs]`: `{tensor} = 1800` (a constant or a list), or `{tensor} = \
@@ -173,7 +177,7 @@ fn result_hint(role: &str, found: &str, expected: &str) -> Option<&'static str> 
     let (found, expected) = (element(found), element(expected));
     Some(match found {
         _ if found == expected => return None,
-        _ if role == "labels" => "end the network with `.to(torch.uint8)`, then export it again",
+        _ if role != "depth" => "end the network with `.to(torch.uint8)`, then export it again",
         "float16" | "bfloat16" => KEEP_FLOAT32,
         "float64" => "export the network in float32: call `model.float()` before `torch.onnx.export`",
         _ => {

@@ -78,6 +78,8 @@ pub(crate) struct Wired {
     pub(crate) depth_size: ImageSize,
     /// The index of the labels in `tensors`.
     pub(crate) labels: Option<usize>,
+    /// The index of the confidence in `tensors`.
+    pub(crate) confidence: Option<usize>,
     /// The state of all stages, in their order.
     pub(crate) states: Vec<WiredState>,
     /// The inputs that the sidecar feeds.
@@ -150,6 +152,7 @@ impl Unwired<'_> {
             depth: 0,
             depth_size: ImageSize::new(0, 0),
             labels: None,
+            confidence: None,
             states: Vec::new(),
             extras: self.extras()?,
         };
@@ -188,7 +191,7 @@ impl Unwired<'_> {
             let source = InputSource::Tensor(*index);
             plan.stages.iter().any(|stage| stage.inputs.contains(&source))
                 || *index == plan.depth
-                || Some(*index) == plan.labels
+                || [plan.labels, plan.confidence].contains(&Some(*index))
         };
         match plan.stages.iter().find(|stage| !stage.outputs.clone().any(|index| is_read(&index))) {
             Some(stage) => Err(WiringError::UnusedStage { stage: stage.name.clone().into() }),
@@ -306,14 +309,16 @@ impl Unwired<'_> {
     }
 }
 
-/// Depth with a new capture time must be computed for it: its stage runs for each frame.
+/// Depth with a new capture time must be computed for it, and so must its confidence: their stages run for each frame.
 fn check_depth_each_frame(plan: &Wired) -> Result<(), WiringError> {
-    match plan.stages.iter().find(|stage| stage.outputs.contains(&plan.depth)) {
-        Some(stage) if stage.every != 1 => {
-            Err(WiringError::DepthSkipped { stage: stage.name.clone().into(), every: stage.every })
+    for (role, index) in [("depth", Some(plan.depth)), ("confidence", plan.confidence)] {
+        let is_of = |stage: &&WiredStage| index.is_some_and(|index| stage.outputs.contains(&index));
+        if let Some(stage) = plan.stages.iter().find(is_of).filter(|stage| stage.every != 1) {
+            let (stage, every) = (stage.name.clone().into(), stage.every);
+            return Err(WiringError::DepthSkipped { role, stage, every });
         }
-        _ => Ok(()),
     }
+    Ok(())
 }
 
 /// Whether `shape` equals `expected`, except for its open dimensions.

@@ -1,4 +1,4 @@
-//! The results of the whole graph: depth and labels as the contract specifies.
+//! The results of the whole graph: depth, labels and confidence as the contract specifies.
 
 use nunet_types::ImageSize;
 
@@ -7,22 +7,35 @@ use crate::graph::WiringError;
 use crate::graph::signature::{ElementType, TensorSpec, kind};
 
 impl Unwired<'_> {
-    /// Finds depth and labels among the outputs of the stages.
+    /// Finds depth, labels and confidence among the outputs of the stages.
     pub(super) fn wire_results(&self, plan: &mut Wired) -> Result<(), WiringError> {
         let outputs = &self.manifest.outputs;
         plan.depth = self.find("output `depth`", &outputs.depth, plan)?;
         plan.depth_size = self.depth_size(&plan.tensors[plan.depth], plan.size)?;
-        if let Some(labels) = &outputs.labels {
-            let index = self.find("output `labels`", labels, plan)?;
-            let (width, height) = (i64::from(plan.size.width), i64::from(plan.size.height));
-            let expected = [1, height, width];
-            let given = &plan.tensors[index];
-            if given.element != ElementType::Uint8 || given.shape != expected {
-                return Err(mismatch("labels", given, &kind(ElementType::Uint8, &expected), plan.size));
-            }
-            plan.labels = Some(index);
+        plan.labels = self.bytes_of_pixels("labels", outputs.labels.as_deref(), plan)?;
+        plan.confidence = self.bytes_of_pixels("confidence", outputs.confidence.as_deref(), plan)?;
+        if let Some(index) = plan.confidence.filter(|_| plan.confidence == plan.labels) {
+            return Err(WiringError::SameResult { reference: plan.tensors[index].name.clone().into() });
         }
         Ok(())
+    }
+
+    /// A result of one byte per pixel, `[1, H, W]`.
+    fn bytes_of_pixels(
+        &self,
+        role: &'static str,
+        reference: Option<&str>,
+        plan: &Wired,
+    ) -> Result<Option<usize>, WiringError> {
+        let Some(reference) = reference else { return Ok(None) };
+        let index = self.find(&format!("output `{role}`"), reference, plan)?;
+        let (width, height) = (i64::from(plan.size.width), i64::from(plan.size.height));
+        let expected = [1, height, width];
+        let given = &plan.tensors[index];
+        if given.element != ElementType::Uint8 || given.shape != expected {
+            return Err(mismatch(role, given, &kind(ElementType::Uint8, &expected), plan.size));
+        }
+        Ok(Some(index))
     }
 
     /// Width and height of the depth map. Networks of the contract give depth of the image's size; foreign ones may give

@@ -17,6 +17,7 @@ fn manifest(stages: &[(&str, u32, Inputs<'_>)], depth: &str, labels: Option<&str
         outputs: crate::graph::manifest::ManifestOutputs {
             depth: depth.to_owned(),
             labels: labels.map(str::to_owned),
+            confidence: None,
         },
     }
 }
@@ -207,7 +208,7 @@ fn a_stage_that_nothing_uses_is_refused() {
 fn the_stage_of_the_depth_runs_for_each_frame() {
     let stages = [("segmentation", 4, SEES_IMAGE), ("depth", 2, CONNECTED)];
     let error = wire(&manifest(&stages, "depth.depth", None), &[segmentation(), depth_stage()]).unwrap_err();
-    assert_eq!(error, WiringError::DepthSkipped { stage: "depth".into(), every: 2 });
+    assert_eq!(error, WiringError::DepthSkipped { role: "depth", stage: "depth".into(), every: 2 });
 }
 
 #[test]
