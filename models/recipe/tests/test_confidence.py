@@ -10,13 +10,13 @@ import onnx
 import pytest
 import torch
 from rooms import write_list, write_set
-from runs import rows, train
+from runs import TINY, rows, train
 
 from nunet_models.cli import main
 from nunet_models.errors import ConfigError
 from nunet_models.evaluation.sparsification import METRICS, sparsification
 from nunet_models.export import measure
-from nunet_models.export.collections import tiny_spec
+from nunet_models.export.collections import TINY_CONFIDENCE, tiny_confidence, tiny_spec
 from nunet_models.export.model_file import Provenance, export_fused, export_staged
 from nunet_models.export.onnx_file import run
 from nunet_models.export.untrained import untrained_graph
@@ -25,7 +25,7 @@ from nunet_models.quantization.static import heads
 from nunet_models.zoo import SerialGraph
 from nunet_models.zoo.checkpoint import Checkpoint
 from nunet_models.zoo.confidence import CONFIDENCE, confidence_of
-from nunet_models.zoo.deploy import confidence_bytes
+from nunet_models.zoo.deploy import FusedModel, confidence_bytes
 
 
 def with_head(architecture="wnet_c"):
@@ -248,6 +248,13 @@ def test_a_fused_file_is_split_with_its_confidence(graph, files, tmp_path):
     assert np.array_equal(found["confidence"], fused["confidence"])
 
 
+def test_the_test_model_in_git_is_what_the_recipe_makes():
+    path = TINY.with_name(TINY_CONFIDENCE)
+    model = FusedModel(tiny_confidence().eval())
+    rgb = measure.image_of(model.network.spec)
+    measure.check_against_torch(model, path, rgb, bound=measure.UNTRAINED_BOUND)
+
+
 def test_quantization_keeps_the_head_in_float_and_evaluate_measures_it(
     files, dataset, tmp_path, capsys
 ):
@@ -261,9 +268,9 @@ def test_quantization_keeps_the_head_in_float_and_evaluate_measures_it(
     capsys.readouterr()
     assert main(["evaluate", "--model", str(out), *more]) == 0
     found = json.loads(capsys.readouterr().out)["sparsification"]
-    names = ("abs_rel", *METRICS)
-    assert set(found) == {"pictures", *names, *(f"{name}_median" for name in names)}
-    assert found["pictures"] == 4
+    assert set(found) == {"images", "abs_rel", *METRICS, "median_fit"}
+    assert set(found["median_fit"]) == {"abs_rel", *METRICS}
+    assert found["images"] == 4
     assert found["oracle_50"] < found["certain_50"]
 
 

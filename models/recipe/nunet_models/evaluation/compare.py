@@ -8,7 +8,7 @@ import numpy as np
 from nunet_models.data.pairs import Pair, Pairs
 from nunet_models.errors import DataError
 from nunet_models.evaluation.protocol import MIN_DEPTH_M, Protocol
-from nunet_models.evaluation.sparsification import of_depth
+from nunet_models.evaluation.sparsification import MEDIAN, of_depth
 from nunet_models.metrics import METRICS, DepthMetrics, LabelMetrics, image_mean
 
 MINMAX_METRICS = ("mse", "rmse")  # metrics of stretched depth in the paper
@@ -128,7 +128,9 @@ class Comparison:
             "minmax": {name: minmax[name] for name in MINMAX_METRICS} if minmax else {},
         }
         if self.sparsity:
-            found["sparsification"] = {"pictures": len(self.sparsity), **self.sparsification()}
+            means = self.sparsification()
+            fit = {name: means.pop(f"{name}{MEDIAN}") for name in list(means) if MEDIAN not in name}
+            found["sparsification"] = {"images": len(self.sparsity), **means, "median_fit": fit}
         if self.labels is not None:
             labels = self.labels.values()
             found["labels"] = {**labels, "pixels": self.labels.pixels} if labels else {}

@@ -14,6 +14,9 @@ KEPT = (90, 75, 50)
 CURVE = tuple(range(5, 101, 5))
 """Percentages whose mean distance from the oracle is the area."""
 
+MEDIAN = "_median"
+"""Suffix of metrics after a median fit of the image."""
+
 METRICS: tuple[str, ...] = (
     *(f"certain_{percent}" for percent in KEPT),
     *(f"oracle_{percent}" for percent in KEPT),
@@ -31,7 +34,7 @@ def of_depth(predicted: np.ndarray, truth: np.ndarray, confidence: np.ndarray) -
     """
     fit = np.median(truth) / np.median(predicted) if truth.size else 1.0
     found = {}
-    for suffix, scaled in (("", predicted), ("_median", predicted * fit)):
+    for suffix, scaled in (("", predicted), (MEDIAN, predicted * fit)):
         error = np.abs(scaled - truth) / truth
         for name, value in sparsification(error, confidence).items():
             found[f"{name}{suffix}"] = value

@@ -5,13 +5,14 @@ from pathlib import Path
 
 from nunet_models.export.model_file import Provenance, export_fused, export_staged
 from nunet_models.export.untrained import untrained_graph
-from nunet_models.zoo import PAPER_DECODER, GraphSpec, graph_spec
+from nunet_models.zoo import PAPER_DECODER, GraphSpec, SerialGraph, graph_spec
 from nunet_models.zoo.backbones import TINY
 from nunet_models.zoo.dense import DENSE
 
 TINY_DECODER = (8, 8, 8, 6, 4)
 TINY_SIZE = (96, 128)
 TINY_SEED = 7
+TINY_CONFIDENCE = "tiny_unet_confidence.onnx"
 TINY_WIDTH = 0.05  # of the dense systems' hidden layers
 TINY_DENSE_SIZE = (48, 64)  # a dense layer has one row per pixel: half the image's size
 TINY_ARCHITECTURES = (
@@ -24,7 +25,8 @@ PAPER_SIZE = (480, 640)
 def export_tiny(folder: Path) -> list[Path]:
     """Write the small test models: every architecture fused, W-Net Connected staged as well.
 
-    The staged files hold the same weights as the fused one and give the same depth.
+    The staged files hold the same weights as the fused one and give the same depth. One more U-Net
+    has a confidence head.
     """
     folder.mkdir(parents=True, exist_ok=True)
     written = []
@@ -35,7 +37,14 @@ def export_tiny(folder: Path) -> list[Path]:
         if architecture == "wnet_c":
             written.append(folder / f"tiny_{architecture}.toml")
             export_staged(graph, written[-1], Provenance())
+    written.append(folder / TINY_CONFIDENCE)
+    export_fused(tiny_confidence(), written[-1], Provenance())
     return written
+
+
+def tiny_confidence() -> SerialGraph:
+    """The U-Net with a confidence head."""
+    return untrained_graph(replace(tiny_spec("unet"), confidence=True), seed=TINY_SEED)
 
 
 def tiny_spec(architecture: str) -> GraphSpec:
