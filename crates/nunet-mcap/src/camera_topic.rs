@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn cameras_that_cannot_be_told_apart_are_named() {
+    fn cameras_that_match_equally_well_are_named() {
         let error = chosen("/c/image", &[], &["/c/b_info", "/c/a_info"]).unwrap_err();
         assert_eq!(error, "several topics may describe it: `/c/a_info`, `/c/b_info`");
     }

@@ -136,7 +136,7 @@ pub(crate) fn camera(
     read_mode: ReadMode,
 ) -> Result<CameraDescription, String> {
     let rectified = read_mode.rectified;
-    let of = |(width, height), [k, r, p]: [&[f64]; 3], model: &str, d: Vec<f64>| {
+    let of = |(width, height), [k, r, p]: [&[f64]; 3], model: &str, d: Vec<f64>| -> Result<_, String> {
         check_matrices([k, r, p])?;
         let size = ImageSize { width, height };
         Ok(CameraDescription::of_matrices(size, CameraMatrices { k, p }, model, d, rectified))

@@ -76,7 +76,7 @@ fn the_camera_is_chosen_by_its_name_and_not_by_its_place_in_the_file() {
 }
 
 #[test]
-fn cameras_that_cannot_be_told_apart_are_a_fault_for_the_whole_recording() {
+fn cameras_that_match_equally_well_are_a_fault_for_the_whole_recording() {
     let folder = tempfile::tempdir().unwrap();
     let one = camera(100.0);
     let messages =
