@@ -1,7 +1,7 @@
 //! Regular files: opening a pipe would wait for its writer, and a device may have no end.
 
 use std::fs::File;
-use std::io::{self, Read as _, Take};
+use std::io::{self, ErrorKind, Read as _, Take};
 use std::path::Path;
 
 /// Opens a regular file for reading its first `most` bytes; `None` for a folder, a pipe, a socket or a device, which is not
@@ -15,6 +15,20 @@ pub fn open(path: &Path, most: u64) -> io::Result<Option<Take<File>>> {
         return Ok(None);
     }
     File::open(path).map(|file| Some(file.take(most)))
+}
+
+/// Reads a text file of at most `most` bytes.
+///
+/// # Errors
+/// As [`File::open`]; not a regular file, longer, or not UTF-8.
+pub fn read_text(path: &Path, most: u64) -> io::Result<String> {
+    let irregular = || io::Error::new(ErrorKind::InvalidInput, "it is not a regular file");
+    let mut bytes = Vec::new();
+    let length = open(path, most.saturating_add(1))?.ok_or_else(irregular)?.read_to_end(&mut bytes)?;
+    if length as u64 > most {
+        return Err(io::Error::new(ErrorKind::InvalidData, format!("it is longer than {most} bytes")));
+    }
+    String::from_utf8(bytes).map_err(|_| io::Error::new(ErrorKind::InvalidData, "it is not UTF-8 text"))
 }
 
 #[cfg(test)]
@@ -36,6 +50,20 @@ mod tests {
             assert_eq!(text, expected);
         }
         assert_eq!(open(&folder.path().join("b"), 1).unwrap_err().kind(), io::ErrorKind::NotFound);
+    }
+
+    #[test]
+    fn a_text_that_is_too_long_or_not_utf8_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        std::fs::write(&path, "\u{feff}1\u{e9}").unwrap();
+        assert_eq!(read_text(&path, 6).unwrap(), "\u{feff}1\u{e9}");
+        // The limit is inside of a character.
+        assert_eq!(read_text(&path, 4).unwrap_err().to_string(), "it is longer than 4 bytes");
+        std::fs::write(&path, b"\xff").unwrap();
+        assert_eq!(read_text(&path, 6).unwrap_err().to_string(), "it is not UTF-8 text");
+        let error = read_text(Path::new("/dev/zero"), 6).unwrap_err();
+        assert_eq!(error.to_string(), "it is not a regular file");
     }
 
     #[test]

@@ -18,6 +18,9 @@ pub struct CameraFile {
 }
 
 impl CameraFile {
+    /// The longest file: a hundred times the usual length.
+    pub const MAX_BYTES: u64 = 16 * 1024;
+
     /// The camera.
     ///
     /// # Errors

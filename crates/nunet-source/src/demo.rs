@@ -6,6 +6,7 @@
 use std::path::{Path, PathBuf};
 
 use nunet_core::camera::Camera;
+use nunet_core::plain_file;
 use nunet_ipc::{Clock, unix_nanos};
 
 use crate::camera_file::CameraFile;
@@ -70,7 +71,7 @@ impl Clip {
             let message = format!("cannot play the demo `{}`: {what}", folder.display());
             SourceError::new(SourceErrorKind::Unavailable, message)
         };
-        let text = std::fs::read_to_string(folder.join("camera.json"))
+        let text = plain_file::read_text(&folder.join("camera.json"), CameraFile::MAX_BYTES)
             .map_err(|error| failed("`camera.json` cannot be read").with_cause(error))?;
         let file: CameraFile = serde_json::from_str(&text)
             .map_err(|error| failed("`camera.json` is invalid").with_cause(error))?;
