@@ -86,6 +86,17 @@ fn readings_give_a_factor_and_contradicting_ones_are_refused_by_line() {
     let (code, stderr) = refused(&bench, &["--pairs", &pairs]);
     assert!(code == Some(1) && stderr.contains("contradict each other"), "{stderr}");
     assert!(stderr.contains("line 3 gives") && stderr.contains("hint: check the unit"), "{stderr}");
+    std::fs::rename(bench.path("images/c.png"), bench.path("images/d.png")).unwrap();
+    let (code, stderr) = refused(&bench, &["--pairs", &pairs]);
+    assert!(code == Some(2) && stderr.contains("line 4: there is no image `"), "{stderr}");
+    assert!(
+        stderr.contains("images/c.png`\nhint: write a CSV table with the columns `image` (a JPEG"),
+        "{stderr}"
+    );
+    std::fs::write(bench.path("images/c.png"), "no image").unwrap();
+    let (code, stderr) = refused(&bench, &["--pairs", &pairs]);
+    assert!(code == Some(1) && stderr.starts_with("error: line 4 of `"), "{stderr}");
+    assert!(stderr.contains("images/c.png`") && stderr.contains("hint: save it as one of them"), "{stderr}");
     table([f64::NAN; 3]);
     let (code, stderr) = refused(&bench, &["--pairs", &pairs]);
     assert!(code == Some(2) && stderr.contains("line 2: `NaN` is not a number"), "{stderr}");
@@ -107,6 +118,30 @@ fn true_depth_gives_a_factor() {
 }
 
 #[test]
+fn true_depth_in_meters_has_no_other_unit_and_is_no_millimeters() {
+    let (bench, depth_m) = bench_with_images();
+    let recording = |name: &str, depth: f64| {
+        let frames = [1, 2, 3].map(|seconds| (seconds, Some([90, 120, 60]), depth as f32));
+        bench.add_recording(name, &frames, SIZE);
+        bench.arg(name)
+    };
+    let meters = recording("meters.mcap", FACTOR * depth_m);
+    assert_factor(&calibrate(&bench, &["--truth", &meters]), 3);
+    let (code, stderr) = refused(&bench, &["--truth", &meters, "--depth-scale", "0.002"]);
+    assert!(code == Some(2) && stderr.contains("hint: remove --depth-scale"), "{stderr}");
+    let (code, stderr) = refused(&bench, &["--truth", &recording("mm.mcap", 1000.0 * FACTOR * depth_m)]);
+    assert!(code == Some(1) && stderr.contains("if these are millimeters"), "{stderr}");
+    let (code, stderr) = refused(&bench, &["--truth", &recording("far.mcap", 70.0)]);
+    assert!(
+        code == Some(1)
+            && stderr.contains(
+                "the true depth is 70 to 70 m, expected some below 10 m\nhint: use images of something nearer"
+            ),
+        "{stderr}"
+    );
+}
+
+#[test]
 fn what_cannot_give_a_factor_is_refused() {
     let (bench, _) = bench_with_images();
     let images = bench.arg("images");
@@ -121,6 +156,7 @@ fn what_cannot_give_a_factor_is_refused() {
         (&["--source", &images, "--mount", "0,0,0.5,0,0,0"], 2, "no class for floor"),
         (&["--source", &images, "--mount", "0,0,-1,0,0,0"], 2, "above the floor"),
         (&["--pairs", "none.csv"], 2, "none.csv"),
+        (&["--pairs", "/dev/zero"], 2, "`/dev/zero`: it is not a regular file"),
         (&["--truth", "none"], 2, "none"),
     ] {
         let (got, stderr) = refused(&bench, rest);

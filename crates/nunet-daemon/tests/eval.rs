@@ -37,14 +37,22 @@ fn eval<'a>(data: &'a str, model: &'a str, rest: &[&'a str]) -> Vec<&'a str> {
 }
 
 fn report(bench: &Bench, rest: &[&str]) -> Value {
-    let (data, model) = (bench.arg("data"), bench.arg("model.onnx"));
+    report_of("data", bench, rest)
+}
+
+fn report_of(data: &str, bench: &Bench, rest: &[&str]) -> Value {
+    let (data, model) = (bench.arg(data), bench.arg("model.onnx"));
     let output = run_well(nunetd(&eval(&data, &model, &[rest, &["--json"]].concat())));
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
 /// Exit code and stderr of a dataset with something wrong.
 fn outcome(bench: &Bench, rest: &[&str]) -> (Option<i32>, String) {
-    let (data, model) = (bench.arg("data"), bench.arg("model.onnx"));
+    outcome_of("data", bench, rest)
+}
+
+fn outcome_of(data: &str, bench: &Bench, rest: &[&str]) -> (Option<i32>, String) {
+    let (data, model) = (bench.arg(data), bench.arg("model.onnx"));
     let output = run(nunetd(&eval(&data, &model, rest)));
     let folder = bench.path("");
     let folder = folder.to_str().unwrap().trim_end_matches('/');
@@ -314,4 +322,90 @@ fn bad_arguments_are_reported_before_the_work() {
     assert_eq!(code, Some(2));
     assert!(stderr.contains("`[DIR]/data` is not a dataset: it has no folder `depth`\nhint:"), "{stderr}");
     assert!(!Path::new(&bench.path("out")).exists());
+}
+
+/// Depth of 32FC1 has no largest value, unlike 16-bit millimeters (65.535 m).
+#[test]
+fn all_depth_of_a_recording_is_compared_up_to_the_cap() {
+    let bench = Bench::new();
+    let color = [90, 120, 60];
+    let frames = [70.0, 30.0, 20.0].map(|depth_m| (depth_m as i64, Some(color), depth_m));
+    bench.add_recording("far.mcap", &frames, SIZE);
+    let found = report_of("far.mcap", &bench, &["--depth-cap", "100"]);
+    assert_eq!((&found["pictures"], &found["skipped"]), (&3.into(), &0.into()));
+    assert_eq!((&found["pixels"], &found["pixels_beyond"]), (&(3 * SIZE.0 * SIZE.1).into(), &0.into()));
+    let predicted = f64::from(models::connected_depth(color));
+    let squares: f64 = frames.iter().map(|frame| (f64::from(frame.2) - predicted).powi(2)).sum();
+    assert_near(&found["metrics"]["rmse"], (squares / 3.0).sqrt(), 0.02);
+    let capped = report_of("far.mcap", &bench, &["--depth-cap", "50"]);
+    assert_eq!(capped["pixels_beyond"], SIZE.0 * SIZE.1);
+}
+
+#[test]
+fn millimeters_where_meters_are_stated_are_refused_and_so_is_another_unit() {
+    let bench = Bench::new();
+    let frames = [5000.0, 6000.0, 7000.0].map(|depth| (depth as i64, Some([90, 120, 60]), depth));
+    bench.add_recording("mm.mcap", &frames, SIZE);
+    let (code, stderr) = outcome_of("mm.mcap", &bench, &[]);
+    assert_eq!(code, Some(1), "{stderr}");
+    assert!(stderr.contains("it is 5000 to 7000 m\nhint: convert the depth to meters"), "{stderr}");
+    assert!(stderr.contains("millimeters") && !stderr.contains("--depth-scale"), "{stderr}");
+    for unit in [["--depth-scale", "0.001"], ["--depth-offset", "5"]] {
+        let (code, stderr) = outcome_of("mm.mcap", &bench, &unit);
+        assert_eq!(code, Some(2), "{stderr}");
+        let expected = "error: `/front/depth/image_raw` is floating point, so it is in meters: it has no other scale \
+                        and no offset\nhint: remove --depth-scale and --depth-offset";
+        assert!(stderr.starts_with(expected), "{stderr}");
+    }
+}
+
+#[test]
+fn a_recordings_depth_of_another_size_is_named_by_its_topic() {
+    let bench = Bench::new();
+    bench.add_recording("small.mcap", &[(1, Some([9, 9, 9]), 2.0), (2, Some([9, 9, 9]), 2.0)], (32, 24));
+    let (code, stderr) = outcome_of("small.mcap", &bench, &[]);
+    assert_eq!(code, Some(1), "{stderr}");
+    let part = "skipped `000000`: `000000` of the topic `/front/depth/image_raw` is 32x24, its image 640x480";
+    assert!(stderr.contains(part), "{part} is not in\n{stderr}");
+    assert!(stderr.contains("hint=\"use depth that is aligned to the color image"), "{stderr}");
+    assert!(!stderr.contains("000000.png") && !stderr.contains("000000.npy"), "no temporary file: {stderr}");
+}
+
+#[test]
+fn depth_may_be_recorded_in_any_order() {
+    let bench = Bench::new();
+    let color = Some([20, 20, 20]);
+    // Depth of a later time comes between. Waiting for it would lose the images before.
+    let frames = [(1, color, 1.0), (9, None, 9.0), (2, color, 2.0), (3, color, 3.0)];
+    bench.add_recording("disorder.mcap", &frames, SIZE);
+    let found = report_of("disorder.mcap", &bench, &[]);
+    assert_eq!((&found["pictures"], &found["skipped"]), (&3.into(), &0.into()));
+    let predicted = f64::from(models::connected_depth([20, 20, 20]));
+    let squares: f64 = [1.0, 2.0, 3.0].map(|depth_m: f64| (depth_m - predicted).powi(2)).iter().sum();
+    assert_near(&found["metrics"]["rmse"], (squares / 3.0).sqrt(), 0.02);
+}
+
+/// As in TUM's sequences, where some images and depth may have equal names by chance.
+#[test]
+fn names_that_are_times_are_joined_also_beside_equal_names_and_others() {
+    let bench = dataset(100);
+    let rename = |folder: &str, from: &str, to: &str| {
+        let path = |name: &str| bench.path(&format!("data/{folder}/{name}.png"));
+        std::fs::rename(path(from), path(to)).unwrap();
+    };
+    std::fs::remove_dir_all(bench.path("data/labels")).unwrap();
+    for (from, image, depth) in [("a", "1.000", "1.000"), ("b", "2.000", "2.015")] {
+        rename("rgb", from, image);
+        rename("depth", from, depth);
+    }
+    std::fs::write(bench.path("data/rgb/thumb.png"), "").unwrap();
+    let (data, model) = (bench.arg("data"), bench.arg("model.onnx"));
+    let output = run_well(nunetd(&["eval", &data, "--model", &model, "--focal", "off", "--json"]));
+    let (found, stderr): (Value, _) = (serde_json::from_slice(&output.stdout).unwrap(), text(&output.stderr));
+    assert_eq!((&found["pictures"], &found["skipped"]), (&2.into(), &0.into()));
+    assert_near(&found["metrics"]["rmse"], 0.1, 0.0005);
+    let joined = "joined 1 images with depth by their time stamps (within 20 ms), 1 by equal names";
+    for part in [joined, "no time stamps, unlike the others: `thumb`"] {
+        assert!(stderr.contains(part), "{part} is not in\n{stderr}");
+    }
 }

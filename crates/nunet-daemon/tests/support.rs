@@ -1,11 +1,14 @@
 //! The binary under test, with a world of its own around it.
 
+use std::collections::BTreeMap;
+use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
+use nunet_mcap::{DepthRecord, EncodedImage, FrameRecord, RecordingWriter, ScaleRecord, WriterOptions};
 use nunet_testkit::demo::DemoScene;
 use nunet_testkit::models;
 use nunet_testkit::onnx::ModelBuilder;
@@ -191,6 +194,41 @@ impl Bench {
         let depth = npyz::NpyFile::new(&file[..]).unwrap();
         assert_eq!(depth.shape(), [u64::from(SIZE.1), u64::from(SIZE.0)]);
         depth.into_vec().unwrap()
+    }
+
+    /// Saves a recording of images of one color, each with depth of one value in meters (32FC1), at these times. Without
+    /// a color there is depth only.
+    pub(crate) fn add_recording(
+        &self,
+        name: &str,
+        frames: &[(i64, Option<[u8; 3]>, f32)],
+        (width, height): (u32, u32),
+    ) {
+        let (camera, frame_id) = ("front".to_owned(), "front_optical_frame".to_owned());
+        let options = WriterOptions { camera, frame_id, mount: None, about: BTreeMap::new(), force: false };
+        let mut writer = RecordingWriter::create(&self.path(name), options).unwrap();
+        for (log_nanos, &(seconds, color, depth_m)) in (1..).zip(frames) {
+            let image = color.map(|color| {
+                let (mut png, rgb) = (Cursor::new(Vec::new()), image::Rgb(color));
+                image::RgbImage::from_pixel(SIZE.0, SIZE.1, rgb)
+                    .write_to(&mut png, image::ImageFormat::Png)
+                    .unwrap();
+                png.into_inner()
+            });
+            let bytes = depth_m.to_le_bytes().repeat((width * height) as usize);
+            let frame = FrameRecord {
+                log_nanos,
+                stamp_nanos: seconds * 1_000_000_000,
+                image: image.as_deref().map(|data| EncodedImage { format: "png", data }),
+                camera: None,
+                depth: DepthRecord { scale: ScaleRecord::default(), width, height, bytes: &bytes },
+                depth_camera: None,
+                labels: None,
+                cloud: None,
+            };
+            writer.write(&frame).unwrap();
+        }
+        writer.finish().unwrap();
     }
 
     pub(crate) fn add_model(&self, name: &str, model: &ModelBuilder) {

@@ -1,11 +1,9 @@
 //! The mean image as a baseline for the network.
 
 use std::collections::BTreeMap;
-use std::io::BufReader;
 use std::path::Path;
 
-use nunet_core::plain_file;
-use nunet_files::{MAX_NPY_BYTES, read_npy, write_npy};
+use nunet_files::write_npy;
 use nunet_types::ImageSize;
 use serde::Serialize;
 
@@ -15,6 +13,7 @@ use crate::error::EvalError;
 use crate::event::{Event, OnEvent};
 use crate::mean_image::{MeanImage, MeanPrediction, Scenes, have_scenes, scene};
 use crate::metrics::DepthMetrics;
+use crate::npy_file;
 use crate::options::{BaselineChoice, EvalOptions, Protocol};
 
 /// The rules by which predictions are compared.
@@ -90,9 +89,7 @@ impl Baseline {
 
     fn read(path: &Path, rules: Rules) -> Result<Self, EvalError> {
         let wrong = |reason: String| EvalError::NotAMeanImage { path: path.to_owned(), reason };
-        let file = plain_file::open(path, MAX_NPY_BYTES).map_err(|error| wrong(error.to_string()))?;
-        let file = file.ok_or_else(|| wrong("it is not a regular file".to_owned()))?;
-        let (meters, size) = read_npy(BufReader::new(file)).map_err(|error| wrong(error.to_string()))?;
+        let (meters, size) = npy_file::read(path).map_err(|error| wrong(error.to_string()))?;
         if !meters.iter().all(|meters| meters.is_finite()) {
             return Err(wrong("not every pixel has a depth".to_owned()));
         }

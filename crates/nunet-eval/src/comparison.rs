@@ -44,8 +44,27 @@ pub(crate) struct Comparison {
     pub(crate) minmax: DepthMetrics,
     /// Pixels of truth under the protocol that lie outside of what is compared.
     pub(crate) beyond: u64,
-    /// The nearest and the farthest truth under the protocol, meters, whether it is compared or not.
-    truth_m: Option<(f32, f32)>,
+    /// The truth under the protocol, whether it is compared or not.
+    truth: TruthRange,
+}
+
+/// The nearest and the farthest truth.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct TruthRange {
+    /// Meters.
+    pub(crate) ends_m: Option<(f32, f32)>,
+    /// Whether any was stated in meters, so that no other unit can be stated.
+    pub(crate) is_meters: bool,
+}
+
+impl TruthRange {
+    /// Records the truth of a pixel, NaN = none.
+    pub(crate) fn see(&mut self, truth_m: f32) {
+        if truth_m.is_finite() {
+            let (near, far) = self.ends_m.unwrap_or((truth_m, truth_m));
+            self.ends_m = Some((near.min(truth_m), far.max(truth_m)));
+        }
+    }
 }
 
 /// The meaning of predicted values.
@@ -62,7 +81,8 @@ pub(crate) enum DepthKind {
 impl Comparison {
     pub(crate) fn new(protocol: Protocol, cap_m: f32, kind: DepthKind) -> Self {
         let (depth, minmax) = (DepthMetrics::default(), DepthMetrics::default());
-        Self { protocol, cap_m, kind, depth, each: ImageMean::default(), minmax, beyond: 0, truth_m: None }
+        let (each, truth) = (ImageMean::default(), TruthRange::default());
+        Self { protocol, cap_m, kind, depth, each, minmax, beyond: 0, truth }
     }
 
     /// Whether there was truth to compare meters with.
@@ -73,8 +93,10 @@ impl Comparison {
         if self.kind != DepthKind::Metric || self.depth.pixels + self.depth.missing > 0 {
             return Ok(());
         }
-        let (near_m, far_m) = self.truth_m.ok_or(EvalError::NoTruth)?;
-        Err(EvalError::TruthOutOfRange { from_m: MIN_DEPTH_M, cap_m: self.cap_m, near_m, far_m })
+        let TruthRange { ends_m, is_meters } = self.truth;
+        let (near_m, far_m) = ends_m.ok_or(EvalError::NoTruth)?;
+        let (from_m, cap_m) = (MIN_DEPTH_M, self.cap_m);
+        Err(EvalError::TruthOutOfRange { from_m, cap_m, near_m, far_m, is_meters })
     }
 
     /// The main metrics: in meters if the network has meters, otherwise of stretched depth.
@@ -90,7 +112,17 @@ impl Comparison {
 
     /// The farthest truth under the protocol, whether it is compared or not.
     pub(crate) fn farthest_m(&self) -> Option<f32> {
-        self.truth_m.map(|(_, far)| far)
+        self.truth.ends_m.map(|(_, far)| far)
+    }
+
+    /// Records that an image's truth is stated in meters.
+    pub(crate) fn see_meters(&mut self) {
+        self.truth.is_meters = true;
+    }
+
+    /// Whether any truth is stated in meters.
+    pub(crate) fn is_meters(&self) -> bool {
+        self.truth.is_meters
     }
 
     /// The cap, meters.
@@ -125,7 +157,7 @@ impl Comparison {
                 for (&p, &t) in predicted.iter().zip(truth).take(columns.end).skip(columns.start) {
                     alone.depth.add(capped(p), if is_compared(t) { t } else { f32::NAN });
                     alone.beyond += u64::from(t.is_finite() && !is_compared(t));
-                    alone.see(t);
+                    alone.truth.see(t);
                 }
             }
         }
@@ -140,8 +172,8 @@ impl Comparison {
         self.each.add(alone.depth.scores());
         self.minmax.merge(&alone.minmax);
         self.beyond += alone.beyond;
-        for end in alone.truth_m.map_or([f32::NAN; 2], |(near, far)| [near, far]) {
-            self.see(end);
+        for end in alone.truth.ends_m.map_or([f32::NAN; 2], |(near, far)| [near, far]) {
+            self.truth.see(end);
         }
         Ok(alone)
     }
@@ -167,14 +199,6 @@ impl Comparison {
             is_compared.then_some((p, t, confidence[place]))
         };
         Ok(places.filter_map(pixel).collect())
-    }
-
-    /// Records the truth of a pixel, NaN = none.
-    fn see(&mut self, truth_m: f32) {
-        if truth_m.is_finite() {
-            let (near, far) = self.truth_m.unwrap_or((truth_m, truth_m));
-            self.truth_m = Some((near.min(truth_m), far.max(truth_m)));
-        }
     }
 }
 

@@ -13,6 +13,8 @@ use nunet_files::FilesError;
 use nunet_source::{SourceError, SourceErrorKind};
 use nunet_types::{Hint, ImageSize};
 
+use crate::far_truth;
+use crate::image_name::ImageName;
 use crate::metrics::IGNORE;
 
 /// The error of a library below this one.
@@ -64,28 +66,44 @@ pub enum EvalError {
         reason: String,
     },
     /// An image of the dataset cannot be read.
-    #[error("cannot read the image `{}`", path.display())]
+    #[error("cannot read the image {image}")]
     ReadImage {
-        /// The file.
-        path: PathBuf,
+        /// The image.
+        image: ImageName,
         /// Why.
         source: SourceError,
     },
     /// Two images that belong together have different sizes.
-    #[error("`{}` is {got}, its image {expected}", path.display())]
+    #[error("{image} is {got}, its image {expected}")]
     Size {
-        /// The file.
-        path: PathBuf,
+        /// The depth or labels.
+        image: ImageName,
         /// Its size.
         got: ImageSize,
         /// The size of the image.
         expected: ImageSize,
     },
     /// A depth image of 8 bits, whose unit is not known.
-    #[error("`{}`: depth of 8 bits cannot be millimeters", path.display())]
+    #[error("{depth}: depth of 8 bits cannot be millimeters")]
     UnknownUnit {
-        /// The file.
-        path: PathBuf,
+        /// The depth image.
+        depth: ImageName,
+    },
+    /// A unit was stated for depth in floating point, which is in meters.
+    #[error("{depth} is floating point, so it is in meters: it has no other scale and no offset")]
+    FixedUnit {
+        /// The depth image or its topic.
+        depth: String,
+    },
+    /// An image without depth near in time, or depth without an image.
+    #[error("`{folder}/` has no file that is named `{id}` or within {apart_ms} ms of it")]
+    NoPartner {
+        /// The folder without it.
+        folder: &'static str,
+        /// The id.
+        id: String,
+        /// The largest difference of time stamps.
+        apart_ms: u64,
     },
     /// A true label that is not a class.
     #[error("`{}`: the label {label}; expected 0 to {last}, or {IGNORE} for none", path.display())]
@@ -166,6 +184,8 @@ pub enum EvalError {
         near_m: f32,
         /// The farthest true depth, in meters.
         far_m: f32,
+        /// Whether the dataset states meters (floating point), so that no other unit can be stated.
+        is_meters: bool,
     },
     /// No image could be measured; the last error.
     #[error("no image could be measured")]
@@ -220,6 +240,7 @@ impl EvalError {
             | Self::NoImages { .. }
             | Self::OwnDepth { .. }
             | Self::Ids(_)
+            | Self::FixedUnit { .. }
             | Self::NoMount { .. }
             | Self::NoMeters
             | Self::Mounts { .. }
@@ -234,6 +255,7 @@ impl EvalError {
             | Self::ReadImage { .. }
             | Self::Size { .. }
             | Self::UnknownUnit { .. }
+            | Self::NoPartner { .. }
             | Self::UnknownLabel { .. }
             | Self::NoMean { .. }
             | Self::MeanSize { .. }
@@ -259,11 +281,6 @@ impl EvalError {
     pub(crate) fn read<E: Into<Cause>>(path: &Path) -> impl Fn(E) -> Self {
         move |error| Self::system(format!("cannot read `{}`", path.display()))(error)
     }
-
-    /// For `map_err`: `path` cannot be written.
-    pub(crate) fn write<E: Into<Cause>>(path: &Path) -> impl Fn(E) -> Self {
-        move |error| Self::system(format!("cannot write `{}`", path.display()))(error)
-    }
 }
 
 impl Hint for EvalError {
@@ -277,7 +294,7 @@ impl Hint for EvalError {
     fn hint(&self) -> Option<Cow<'static, str>> {
         Some(match self {
             Self::NotADataset { .. } => {
-                "pass a recording, or a folder with rgb/ID.jpg or .png and depth/ID.png".into()
+                "pass a recording, or a folder with rgb/ID.jpg or .png and depth/ID.png or .npy".into()
             }
             Self::OwnDepth { .. } => "name the topic of the depth to compare the model with it anyway".into(),
             Self::NoPairs { .. } => "name the topics of the images and of the depth".into(),
@@ -285,6 +302,8 @@ impl Hint for EvalError {
                 "pass float32 (H, W), in meters, such as the `mean_image.npy` of another evaluation".into()
             }
             Self::UnknownUnit { .. } => "state the meters per unit of the depth images".into(),
+            Self::FixedUnit { .. } => "state scale and offset only for depth of integers (16UC1, PNG)".into(),
+            Self::Size { .. } => "use depth that is aligned to the color image".into(),
             Self::UnknownLabel { is_nyu40: false, .. } => {
                 "`labels/` holds the network's own classes; put NYU's 40 classes into `label40/`".into()
             }
@@ -296,10 +315,7 @@ impl Hint for EvalError {
                 "state one mount for all images, or a row `id,x,y,z,roll,pitch,yaw` for each".into()
             }
             Self::NoTruth => "check window and protocol, which exclude parts; 0 and NaN mean no depth".into(),
-            Self::TruthOutOfRange { far_m, .. } => match cap_for(*far_m) {
-                Some(cap_m) => format!("compare up to a larger distance: {cap_m} m").into(),
-                None => "check the unit of the depth images".into(),
-            },
+            Self::TruthOutOfRange { far_m, is_meters, .. } => far_truth::hint(*far_m, *is_meters),
             // Transparent: these are not in the chain of causes themselves.
             Self::Source(error) => return error.hint(),
             Self::Pipeline(error) => return error.hint(),
@@ -310,7 +326,7 @@ impl Hint for EvalError {
             Self::NoImages { .. }
             | Self::Ids(_)
             | Self::ReadImage { .. }
-            | Self::Size { .. }
+            | Self::NoPartner { .. }
             | Self::NoMean { .. }
             | Self::MeanSize { .. }
             | Self::NoMeters
@@ -319,15 +335,6 @@ impl Hint for EvalError {
             | Self::System { .. } => return None,
         })
     }
-}
-
-/// A cap that would include depth up to `far_m` meters. Depth at the cap itself is not compared, so the cap
-/// is larger. `None` if `far_m` is farther than any depth camera or lidar of a robot measures: then the unit
-/// is wrong.
-#[must_use]
-pub fn cap_for(far_m: f32) -> Option<f32> {
-    const FARTHEST_M: f32 = 300.0;
-    (far_m <= FARTHEST_M).then(|| far_m.floor() + 1.0)
 }
 
 /// The hint of the error or of its cause.
@@ -344,12 +351,14 @@ mod tests {
     fn an_error_has_the_kind_of_what_failed() {
         let path = || PathBuf::from("a");
         let wrong = || EvalError::from(SourceError::bad_arguments("no such topic"));
+        let unit = EvalError::FixedUnit { depth: "`/depth`".into() };
         let cases = [
+            (unit, EvalErrorKind::Argument),
             (EvalError::NoImages { path: path() }, EvalErrorKind::Argument),
             (wrong(), EvalErrorKind::Argument),
             (EvalError::from(SourceError::bad_frame("cut off")), EvalErrorKind::Image),
             (EvalError::NothingMeasured { source: wrong().into() }, EvalErrorKind::Argument),
-            (EvalError::UnknownUnit { path: path() }, EvalErrorKind::Image),
+            (EvalError::UnknownUnit { depth: ImageName::File(path()) }, EvalErrorKind::Image),
             (EvalError::NoTruth, EvalErrorKind::Truth),
         ];
         for (error, kind) in cases {
@@ -360,12 +369,17 @@ mod tests {
     #[test]
     fn the_hint_of_a_cause_is_found() {
         let source = SourceError::bad_frame("it is too large").with_hint("make it smaller");
-        let error = EvalError::ReadImage { path: "a.png".into(), source };
+        let error = EvalError::ReadImage { image: Path::new("a.png").into(), source };
         assert_eq!(hint_of_chain(&error).as_deref(), Some("make it smaller"));
     }
 
     #[test]
-    fn a_distance_that_no_sensor_sees_is_another_unit() {
-        assert_eq!((cap_for(42.5), cap_for(4000.0)), (Some(43.0), None));
+    fn millimeters_in_floating_point_have_a_hint_of_their_own() {
+        let hint = |is_meters| {
+            let (from_m, cap_m, near_m, far_m) = (0.001, 10.0, 5000.0, 7000.0);
+            let error = EvalError::TruthOutOfRange { from_m, cap_m, near_m, far_m, is_meters };
+            error.hint().unwrap().into_owned()
+        };
+        assert!(hint(true).contains("millimeters") && hint(false).contains("unit"));
     }
 }

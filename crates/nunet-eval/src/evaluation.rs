@@ -175,6 +175,9 @@ impl Evaluation {
             let images = (&prediction.depth[..], &truth.depth_m[..], &confidence[..]);
             self.sparsification.add(&self.comparison.pixels(images, truth.size)?);
         }
+        if truth.is_meters {
+            self.comparison.see_meters();
+        }
         if let Some(labels) = &truth.labels {
             self.confusion.add(&prediction.labels, labels);
         }
@@ -230,7 +233,8 @@ impl Evaluation {
     fn report_truth_beyond(&self, on_event: OnEvent<'_>) {
         let share = self.comparison.share_beyond();
         if let Some(farthest_m) = self.comparison.farthest_m().filter(|_| share > MUCH_BEYOND) {
-            on_event(Event::TruthBeyondCap { share, cap_m: self.comparison.cap_m(), farthest_m });
+            let (cap_m, is_meters) = (self.comparison.cap_m(), self.comparison.is_meters());
+            on_event(Event::TruthBeyondCap { share, cap_m, farthest_m, is_meters });
         }
     }
 

@@ -35,6 +35,15 @@ pub enum Event<'a> {
         /// What can be done about it.
         hint: Option<&'a str>,
     },
+    /// Images and depth whose names are times were joined by them.
+    JoinedByTime {
+        /// The number of images with depth of another name.
+        by_time: usize,
+        /// The number of images with depth of the same name.
+        by_name: usize,
+        /// The largest difference of time stamps.
+        apart_ms: u64,
+    },
     /// Something unusual that does not stop the evaluation.
     Warning(&'a str),
     /// The camera is unknown, or the network does not see all of its images.
@@ -47,6 +56,8 @@ pub enum Event<'a> {
         cap_m: f32,
         /// The farthest true depth, in meters.
         farthest_m: f32,
+        /// Whether the dataset states meters (floating point), so that no other unit can be stated.
+        is_meters: bool,
     },
 }
 

@@ -11,7 +11,7 @@ use crate::obstacles::ObstacleEval;
 #[derive(Debug, Clone)]
 pub struct EvalOptions {
     /// A recording (a file or the folder of a bag) with images and depth, or a folder with `rgb/ID.jpg` or `.png`,
-    /// `depth/ID.png` and, for labels, `labels/ID.png` or `label40/ID.png`.
+    /// `depth/ID.png` (integers) or `.npy` (float32, meters) and, for labels, `labels/ID.png` or `label40/ID.png`.
     pub dataset: PathBuf,
     /// The topic with images, if a recording has several.
     pub topic: Option<String>,
@@ -81,14 +81,21 @@ pub enum BaselineChoice {
     File(PathBuf),
 }
 
-/// What the numbers of a depth image mean: meters = (value + offset) * scale. 65535 is no measurement, and neither is 0
-/// without an offset.
+/// What the integers of a depth image mean: meters = (value + offset) * scale. 65535 is no measurement, and neither is 0
+/// without an offset. Depth in floating point is in meters, so that a unit for it is an error.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct DepthUnits {
     /// Meters per unit; `None` for millimeters in 16-bit images.
     pub scale: Option<f64>,
     /// Added to each value before scaling.
     pub offset: f64,
+}
+
+impl DepthUnits {
+    /// Whether any unit is stated.
+    pub(crate) fn are_stated(self) -> bool {
+        self != Self::default()
+    }
 }
 
 /// Which pixels are compared.

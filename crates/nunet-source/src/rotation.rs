@@ -90,8 +90,9 @@ impl Rotation {
         }
     }
 
-    /// The values of an image without padding, rotated.
-    pub(crate) fn values<T: Copy + Default>(self, size: ImageSize, values: &[T]) -> Vec<T> {
+    /// The values of an image of `size` without padding, rotated. There must be one for each pixel.
+    #[must_use]
+    pub fn values<T: Copy + Default>(self, size: ImageSize, values: &[T]) -> Vec<T> {
         let mut rotated = vec![T::default(); size.pixel_count()];
         let width = size.width as usize;
         self.write(size, |y| &values[y * width..][..width], &mut rotated);

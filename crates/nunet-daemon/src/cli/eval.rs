@@ -17,8 +17,8 @@ use crate::subcommands::eval;
 #[derive(Debug, Args, Clone)]
 pub struct EvalArgs {
     /// A recording (FILE.mcap or the folder of a bag) with images and depth, or a folder with `rgb/ID.jpg` or `.png`,
-    /// `depth/ID.png` and, for labels, `labels/ID.png` or `label40/ID.png`. If the names are time stamps, as in TUM's
-    /// sequences, images and depth within 20 ms are joined
+    /// `depth/ID.png` or `.npy` and, for labels, `labels/ID.png` or `label40/ID.png`. If names differ and are time
+    /// stamps, as in TUM's sequences, images and depth within 20 ms are joined
     pub dataset: PathBuf,
     /// The image topic, if the recording has several
     #[arg(long, value_name = "TOPIC")]
@@ -69,11 +69,12 @@ pub struct EvalArgs {
     pub engine: EngineArgs,
 }
 
-/// What the numbers of a depth image mean: meters = (value + offset) * scale.
+/// What the integers of a depth image mean: meters = (value + offset) * scale.
 #[derive(Debug, Args, Clone, Copy)]
 pub struct DepthUnitArgs {
     /// Meters per unit of the depth images, such as 0.00390625 for KITTI and 0.0002 for TUM. 65535 is no measurement; 0
-    /// is none either unless --depth-offset is given [default: 0.001, for 16-bit images]
+    /// is none either unless --depth-offset is given. Depth in floating point (32FC1, `.npy`) is in meters and has no
+    /// other unit [default: 0.001, for 16-bit images]
     #[arg(long, value_name = "METERS", value_parser = parse_meters)]
     pub depth_scale: Option<f64>,
     /// Added to each value before scaling; if it is not 0, the value 0 is a measurement

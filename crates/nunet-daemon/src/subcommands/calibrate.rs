@@ -50,7 +50,9 @@ pub(crate) struct CalibrateOptions {
 
 /// Measures the factor, prints it, and writes it into the calibration file.
 pub(crate) fn calibrate(options: &CalibrateOptions) -> anyhow::Result<Outcome> {
-    let stop = Stop::on_signals()?;
+    // A source is stopped between two frames. Otherwise nothing is lost if a signal ends the process at once.
+    let has_source = matches!(options.evidence, Evidence::Frames(..));
+    let stop = if has_source { Stop::on_signals()? } else { Stop::default() };
     check_files(options)?;
     let resolver = CameraResolver::new(&options.geometry)?;
     let loaded = load(&Engine::start(options.engine.clone())?, &options.model)?;

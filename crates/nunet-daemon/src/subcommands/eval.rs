@@ -5,10 +5,10 @@ use std::path::PathBuf;
 use indicatif::ProgressBar;
 use nunet_core::pipeline::PipelineOptions;
 use nunet_engine::{Engine, EngineOptions, find_model};
-use nunet_eval::{EvalError, EvalErrorKind, EvalOptions, Evaluator, Event, cap_for};
+use nunet_eval::{EvalError, EvalErrorKind, EvalOptions, Evaluator, Event, NOT_METERS, cap_for};
 use nunet_files::check_folder;
 use nunet_sink::file_plan::FilePlan;
-use tracing::{error, warn};
+use tracing::{error, info, warn};
 
 use super::load::{load, tested_pipeline};
 use super::progress::progress;
@@ -101,8 +101,11 @@ fn log(problem: Event<'_>) {
         }
         Event::Warning(text) => warn!("{text}"),
         Event::Camera(news) => warn_of_camera(&news),
-        Event::TruthBeyondCap { share, cap_m, farthest_m } => {
-            let (percent, hint) = (100.0 * share, depth_cap_hint(farthest_m));
+        Event::JoinedByTime { by_time, by_name, apart_ms } => info!(
+            "joined {by_time} images with depth by their time stamps (within {apart_ms} ms), {by_name} by equal names"
+        ),
+        Event::TruthBeyondCap { share, cap_m, farthest_m, is_meters } => {
+            let (percent, hint) = (100.0 * share, depth_cap_hint(farthest_m, is_meters));
             warn!(hint, "{percent:.0} % of the true depth is at {cap_m} m or beyond and is not compared");
         }
         _ => {}
@@ -118,10 +121,13 @@ pub(super) fn with_flags(error: EvalError) -> anyhow::Error {
         EvalError::OwnDepth { .. } => "pass --depth-topic TOPIC to compare the model with it anyway".into(),
         EvalError::NoPairs { .. } => "choose the topics: --topic and --depth-topic".into(),
         EvalError::UnknownUnit { .. } => "state the unit of the depth images: --depth-scale METERS".into(),
+        EvalError::FixedUnit { .. } => {
+            "remove --depth-scale and --depth-offset: they are for integers (16UC1, PNG)".into()
+        }
         EvalError::ProtocolSize { .. } => "compare whole images: --protocol full".into(),
         EvalError::NoMount { .. } => "pass --mount x,y,z,roll,pitch,yaw, meters and radians".into(),
         EvalError::NoTruth => "0 and NaN mean none; --window and --protocol exclude parts".into(),
-        EvalError::TruthOutOfRange { far_m, .. } => depth_cap_hint(far_m),
+        EvalError::TruthOutOfRange { far_m, is_meters, .. } => depth_cap_hint(far_m, is_meters),
         error => return error.into(),
     };
     match error.kind() {
@@ -131,28 +137,32 @@ pub(super) fn with_flags(error: EvalError) -> anyhow::Error {
 }
 
 /// The hint for true depth that is not compared because it is beyond the cap.
-fn depth_cap_hint(far_m: f32) -> String {
+fn depth_cap_hint(far_m: f32, is_meters: bool) -> String {
     match cap_for(far_m) {
         Some(cap_m) => format!("compare up to a larger distance: --depth-cap {cap_m}"),
+        None if is_meters => NOT_METERS.to_owned(),
         None => "check the unit of the depth images: --depth-scale METERS".to_owned(),
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
     use crate::exit::{is_usage, message_and_hints};
 
     #[test]
     fn depth_beyond_the_cap_has_a_hint_about_the_cap_or_the_unit() {
-        assert!(depth_cap_hint(42.5).ends_with("--depth-cap 43"));
-        assert!(depth_cap_hint(30.0).ends_with("--depth-cap 31"), "the cap itself is not compared");
-        assert!(depth_cap_hint(4000.0).contains("--depth-scale"));
+        assert!(depth_cap_hint(42.5, true).ends_with("--depth-cap 43"));
+        assert!(depth_cap_hint(30.0, false).ends_with("--depth-cap 31"), "the cap itself is not compared");
+        assert!(depth_cap_hint(4000.0, false).contains("--depth-scale"));
+        assert_eq!(depth_cap_hint(4000.0, true), NOT_METERS, "the unit of meters cannot be stated");
     }
 
     #[test]
     fn hints_name_flags_and_wrong_arguments_stay_wrong_arguments() {
-        let unknown_unit = EvalError::UnknownUnit { path: "a.png".into() };
+        let unknown_unit = EvalError::UnknownUnit { depth: Path::new("a.png").into() };
         let error = with_flags(EvalError::NothingMeasured { source: unknown_unit.into() });
         assert_eq!(message_and_hints(&error).1, ["state the unit of the depth images: --depth-scale METERS"]);
         assert!(!is_usage(&error));

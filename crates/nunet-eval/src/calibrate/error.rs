@@ -11,6 +11,7 @@ use nunet_source::{SourceError, SourceErrorKind};
 use nunet_types::{Hint, ImageSize, PixelRect};
 
 use crate::error::{EvalError, EvalErrorKind};
+use crate::far_truth::{NOT_METERS, cap_for};
 
 /// Why no factor was found.
 #[derive(Debug, thiserror::Error)]
@@ -73,6 +74,16 @@ pub enum CalibrateError {
         /// Why not.
         reason: String,
     },
+    /// An image of a reading that cannot be read.
+    #[error("line {line} of `{}`", table.display())]
+    ImageOfReading {
+        /// The table.
+        table: PathBuf,
+        /// The first line with this image.
+        line: u64,
+        /// Why not.
+        source: EvalError,
+    },
     /// A calibration file of a camera that is not known.
     #[error("no calibration can be written: the intrinsics are unknown")]
     NoIntrinsics {
@@ -99,6 +110,18 @@ pub enum CalibrateError {
     /// The model does not know floor.
     #[error(transparent)]
     Scale(#[from] ScaleError),
+    /// All true depth of a dataset is too far to be compared.
+    #[error("the true depth is {near_m} to {far_m} m, expected some below {cap_m} m")]
+    TruthTooFar {
+        /// The nearest true depth.
+        near_m: f32,
+        /// The farthest true depth.
+        far_m: f32,
+        /// Depth is compared up to here.
+        cap_m: f32,
+        /// Whether the dataset states meters (floating point), so that no other unit can be stated.
+        is_meters: bool,
+    },
     /// A factor out of range.
     #[error("the found factor cannot be right")]
     Factor(#[from] CameraError),
@@ -119,9 +142,11 @@ impl CalibrateError {
             | Self::NoIntrinsics { .. }
             | Self::Calibration { .. }
             | Self::Scale(_) => EvalErrorKind::Argument,
-            Self::TooFew { .. } | Self::Inconsistent { .. } | Self::Factor(_) => EvalErrorKind::Truth,
+            Self::TooFew { .. } | Self::Inconsistent { .. } | Self::TruthTooFar { .. } | Self::Factor(_) => {
+                EvalErrorKind::Truth
+            }
             Self::Source(error) if error.kind() == SourceErrorKind::BadArguments => EvalErrorKind::Argument,
-            Self::Source(_) | Self::Frame(_) => EvalErrorKind::Image,
+            Self::Source(_) | Self::Frame(_) | Self::ImageOfReading { .. } => EvalErrorKind::Image,
             Self::Pipeline(_) => EvalErrorKind::Model,
             Self::Dataset(error) => error.kind(),
         }
@@ -140,7 +165,8 @@ impl Hint for CalibrateError {
             }
             Self::OutsideView { .. } => "choose a point in this part, or pad the images (letterbox)".into(),
             Self::Readings { .. } => {
-                "write a CSV table with the columns `image`, `u`, `v` and `distance`: file, pixels, meters"
+                "write a CSV table with the columns `image` (a JPEG or PNG file, relative to the table), `u`, `v` \
+                 (pixels) and `distance` (meters)"
                     .into()
             }
             Self::NoIntrinsics { factor } => format!(
@@ -148,7 +174,12 @@ impl Hint for CalibrateError {
             )
             .into(),
             // The cause has a hint.
-            Self::Calibration { .. } => return None,
+            Self::Calibration { .. } | Self::ImageOfReading { .. } => return None,
+            Self::TruthTooFar { far_m, is_meters, .. } => match (cap_for(*far_m), is_meters) {
+                (Some(_), _) => "use images of something nearer".into(),
+                (None, true) => NOT_METERS.into(),
+                (None, false) => "check the unit of the depth images".into(),
+            },
             Self::Factor(_) => "check the unit: distances are in meters".into(),
             Self::Distance { .. } => "measure from the camera straight to the point, in meters".into(),
             // Transparent: these are not in the chain of causes themselves.

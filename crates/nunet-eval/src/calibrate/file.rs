@@ -4,6 +4,7 @@ use std::io::Write as _;
 use std::path::Path;
 
 use nunet_core::camera::{Calibration, Camera, ScaleNote};
+use nunet_core::plain_file;
 use nunet_files::write_whole;
 use nunet_source::Rotation;
 
@@ -30,7 +31,9 @@ impl Calibrator {
         model: (&str, &str),
     ) -> Result<(), CalibrateError> {
         let text = match (named, self.camera()) {
-            (Some(path), _) => std::fs::read_to_string(path).map_err(EvalError::read(path))?,
+            (Some(path), _) => {
+                plain_file::read_text(path, Calibration::MAX_BYTES as u64).map_err(EvalError::read(path))?
+            }
             (None, Some(camera)) => Calibration::file_of(&self.stored_camera(camera)?),
             (None, None) => return Err(CalibrateError::NoIntrinsics { factor: found.factor }),
         };

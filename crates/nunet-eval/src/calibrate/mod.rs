@@ -20,6 +20,7 @@ use nunet_types::{ImageSize, text_with_causes};
 
 use self::agreement::{Observation, least_relative_error, median};
 use self::readings::Reading;
+use crate::comparison::TruthRange;
 use crate::dataset::{Dataset, refuse_own_depth};
 use crate::error::{EvalError, hint_of_chain};
 use crate::event::{Event, OnEvent};
@@ -160,10 +161,14 @@ impl Calibrator {
         let mut frame = Frame::default();
         let mut rotator = self.resolver.rotation().map(Rotator::new);
         for (image, readings) in by_image {
-            let unreadable = |source| EvalError::ReadImage { path: image.clone(), source };
+            let line = readings.first().map_or(0, |reading| reading.line);
             let rotated = decode(&image, &mut frame)
                 .and_then(|_| rotator.as_mut().map_or(Ok(()), |rotator| rotator.rotate(&mut frame)));
-            rotated.map_err(unreadable)?;
+            rotated.map_err(|source| CalibrateError::ImageOfReading {
+                table: path.to_owned(),
+                line,
+                source: EvalError::ReadImage { image: image.as_path().into(), source },
+            })?;
             self.predict_and_report(&frame, on_event)?;
             for reading in readings {
                 let factor = match self.at_point(&reading.point, frame.size) {
@@ -190,11 +195,13 @@ impl Calibrator {
         refuse_own_depth(options)?;
         let dataset = Dataset::open(options, &self.pipeline.graph().description().classes, on_event)?;
         on_event(Event::Started { what: "images", count: dataset.ids.len() as u64 });
-        let mut frame = Frame::default();
+        let (mut frame, mut range) = (Frame::default(), TruthRange::default());
         for id in &dataset.ids {
             let read = dataset.image(id, &mut frame).and_then(|()| dataset.truth(id, Some(frame.size)));
             match read {
                 Ok(truth) => {
+                    range.is_meters |= truth.is_meters;
+                    truth.depth_m.iter().for_each(|&meters| range.see(meters));
                     self.predict_and_report(&frame, on_event)?;
                     let factor = self.over_image(&truth.depth_m, options.depth_cap_m);
                     self.observe(format!("image {id}"), factor);
@@ -208,7 +215,13 @@ impl Calibrator {
             on_event(Event::Advanced);
         }
         on_event(Event::Finished);
-        Ok(())
+        let (cap_m, is_meters) = (options.depth_cap_m, range.is_meters);
+        match range.ends_m {
+            Some((near_m, far_m)) if near_m >= cap_m => {
+                Err(CalibrateError::TruthTooFar { near_m, far_m, cap_m, is_meters })
+            }
+            _ => Ok(()),
+        }
     }
 
     fn predict_and_report(&mut self, frame: &Frame, on_event: OnEvent<'_>) -> Result<(), CalibrateError> {

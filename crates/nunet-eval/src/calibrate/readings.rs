@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::{CalibrateError, Point};
+use crate::text_file::read_list;
 
 /// The distance of a point in an image.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,13 +18,12 @@ pub(super) struct Reading {
 
 const COLUMNS: [&str; 4] = ["image", "u", "v", "distance"];
 
-/// Reads a table with the columns `image`, `u`, `v` and `distance`, in any order; others are ignored.
+/// Reads a table with the columns `image`, `u`, `v` and `distance`, in any order; others are ignored. Every image must
+/// exist.
 pub(super) fn read(path: &Path) -> Result<Vec<Reading>, CalibrateError> {
     let wrong = |reason: String| CalibrateError::Readings { path: path.to_owned(), reason };
-    let mut reader = csv::ReaderBuilder::new()
-        .trim(csv::Trim::All)
-        .from_path(path)
-        .map_err(|error| wrong(error.to_string()))?;
+    let text = read_list(path).map_err(|error| wrong(error.to_string()))?;
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
     let header = reader.headers().map_err(|error| wrong(error.to_string()))?.clone();
     let place = |name: &str| {
         let found = header.iter().position(|column| column.eq_ignore_ascii_case(name));
@@ -43,7 +43,11 @@ pub(super) fn read(path: &Path) -> Result<Vec<Reading>, CalibrateError> {
         let [u, v, distance_m] = numbers.map(number);
         let point = Point { at: Some([u?, v?]), distance_m: distance_m? };
         point.check()?;
-        Ok(Reading { image: folder.join(record.get(image).unwrap_or_default()), point, line })
+        let image = folder.join(record.get(image).unwrap_or_default());
+        if !image.is_file() {
+            return Err(wrong(format!("line {line}: there is no image `{}`", image.display())));
+        }
+        Ok(Reading { image, point, line })
     };
     reader.records().map(reading).collect()
 }
@@ -65,6 +69,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("pairs.csv");
         std::fs::write(&path, text).unwrap();
+        std::fs::create_dir(folder.path().join("a")).unwrap();
+        for image in ["a.jpg", "a/b.jpg"] {
+            std::fs::write(folder.path().join(image), "").unwrap();
+        }
         let readings = read(&path)?;
         let relative = |reading: Reading| Reading {
             image: reading.image.strip_prefix(folder.path()).unwrap().to_owned(),
@@ -87,10 +95,16 @@ mod tests {
             ("image,u,v,distance\na.jpg,1,x,2\n", "line 2: `x` is not a number"),
             ("image,u,v,distance\na.jpg,1,2\n", "line: 2"),
             ("image,u,v,distance\na.jpg,1,2,-1\n", "distance -1"),
+            ("image,u,v,distance\na.jpg,1,2,1\na/c.jpg,1,2,1\n", "line 3: there is no image `"),
+            ("image,u,v,distance\na,1,2,1\n", "line 2: there is no image `"),
+            ("image,u,v,distance\n,1,2,1\n", "line 2: there is no image `"),
         ] {
             let error = readings(text).unwrap_err().to_string();
             assert!(error.contains(words), "{error}");
         }
-        assert!(matches!(read(Path::new("missing.csv")), Err(CalibrateError::Readings { .. })));
+        for (path, words) in [("missing.csv", "No such file"), ("/dev/zero", "it is not a regular file")] {
+            let error = read(Path::new(path)).unwrap_err().to_string();
+            assert!(error.contains(path) && error.contains(words), "{error}");
+        }
     }
 }

@@ -1,17 +1,10 @@
 //! The ids of a dataset's images: from a list, or from the names of the files.
 
 use std::collections::HashSet;
-use std::io::Read as _;
 use std::path::Path;
 
-use nunet_core::plain_file;
-
-use crate::error::{Cause, EvalError};
-
-/// The byte order mark that some editors write.
-const BYTE_ORDER_MARK: char = '\u{feff}';
-/// The largest list: a million ids of 64 characters.
-const MAX_LIST_BYTES: u64 = 64 << 20;
+use crate::error::EvalError;
+use crate::text_file::read_list;
 
 /// Ids of a list, one per line.
 pub(crate) fn read_ids(list: &Path) -> Result<Vec<String>, EvalError> {
@@ -27,17 +20,6 @@ pub(crate) fn read_ids(list: &Path) -> Result<Vec<String>, EvalError> {
         return Err(EvalError::Ids(format!("`{}` names no image", list.display())));
     }
     Ok(ids)
-}
-
-/// A text file of bounded size, without a byte order mark.
-pub(super) fn read_list(list: &Path) -> Result<String, Cause> {
-    let file = plain_file::open(list, MAX_LIST_BYTES + 1)?;
-    let mut file = file.ok_or("it is not a regular file")?;
-    let mut text = String::new();
-    if file.read_to_string(&mut text)? as u64 > MAX_LIST_BYTES {
-        return Err(format!("it is longer than {MAX_LIST_BYTES} bytes").into());
-    }
-    Ok(text.trim_start_matches(BYTE_ORDER_MARK).to_owned())
 }
 
 /// The files of one folder of a dataset.

@@ -1,6 +1,7 @@
 //! Images with true depth and labels: a folder with `rgb/`, `depth/` and perhaps `labels/` or `label40/`.
 
 mod cameras;
+mod depth;
 mod ids;
 mod labels;
 mod mounts;
@@ -8,35 +9,38 @@ mod pairs;
 mod table;
 mod unpack;
 
-use std::collections::{BTreeMap, BTreeSet, HashSet};
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use nunet_core::camera::Camera;
+use nunet_core::plain_file;
 use nunet_source::{
-    CameraFile, Frame, IMAGE_EXTENSIONS, Rotation, Rotator, SingleChannelImage, SourceError, decode,
-    decode_numbers,
+    CameraFile, Frame, IMAGE_EXTENSIONS, Rotation, Rotator, SourceError, decode, decode_numbers,
 };
 use nunet_types::{ImageSize, PixelRect};
 use tempfile::TempDir;
 
+use self::depth::{DepthFile, UnitError};
 pub(crate) use self::ids::read_ids;
 use self::ids::{Listing, list};
 use self::labels::LabelFolder;
 pub(crate) use self::mounts::ImageMounts;
-use self::unpack::{Unpacked, unpack};
+use self::pairs::TimePairs;
+use self::unpack::{Topics, Unpacked, unpack};
 pub(crate) use self::unpack::{is_recording, refuse_own_depth};
 use crate::error::EvalError;
 use crate::event::{Event, OnEvent};
+use crate::image_name::ImageName;
 use crate::metrics::IGNORE;
 use crate::options::{DepthUnits, EvalOptions, Window};
 
-/// Endings of depth and labels.
-const NUMBER_ENDINGS: [&str; 1] = ["png"];
+/// Endings of labels.
+const LABEL_ENDINGS: [&str; 1] = ["png"];
 /// The largest difference of the times of an image and its depth: half a frame at 25 Hz.
 const MAX_APART_NANOS: u64 = 20_000_000;
-const MILLIMETER_M: f64 = 0.001;
-/// The value for no measurement in 16-bit images of some sensors, besides 0. 7-Scenes has both.
-const NO_DEPTH: u16 = u16::MAX;
+const MAX_APART_MS: u64 = MAX_APART_NANOS / 1_000_000;
+/// How many ignored files a warning names.
+const NAMED_STRAYS: usize = 3;
 
 /// A folder of pairs, read one at a time.
 #[derive(Debug)]
@@ -54,8 +58,8 @@ pub(crate) struct Dataset {
     camera: Option<Camera>,
     /// The cameras of single images, if the dataset states them.
     cameras: BTreeMap<String, Camera>,
-    /// A recording's images as files; removed at the end.
-    _unpacked: Option<TempDir>,
+    /// A recording's images as files, which are removed at the end, and its topics.
+    unpacked: Option<(TempDir, Topics)>,
     /// The number of a recording's images without depth.
     pub(crate) unpaired: u64,
 }
@@ -68,6 +72,8 @@ pub(crate) struct Truth {
     pub(crate) depth_m: Vec<f32>,
     /// The network's classes, [`IGNORE`] = none.
     pub(crate) labels: Option<Vec<u8>>,
+    /// Whether the file or message is in meters, so that no other unit can be stated.
+    pub(crate) is_meters: bool,
 }
 
 impl Truth {
@@ -98,9 +104,9 @@ impl Dataset {
         if !is_recording(&options.dataset) {
             return Self::open_folder(options.dataset.clone(), options, classes, on_event);
         }
-        let Unpacked { folder, camera, unpaired } = unpack(options, on_event)?;
+        let Unpacked { folder, camera, topics, unpaired } = unpack(options, on_event)?;
         let dataset = Self::open_folder(folder.path().to_owned(), options, classes, on_event)?;
-        Ok(Self { camera, unpaired, _unpacked: Some(folder), ..dataset })
+        Ok(Self { camera, unpaired, unpacked: Some((folder, topics)), ..dataset })
     }
 
     fn open_folder(
@@ -113,16 +119,18 @@ impl Dataset {
             return Err(EvalError::NotADataset { path: root, missing });
         }
         let images = list_known(&root.join("rgb"), &IMAGE_EXTENSIONS, options.ids.is_none(), on_event)?;
-        let depths = list_known(&root.join("depth"), &NUMBER_ENDINGS, options.ids.is_none(), on_event)?;
-        let partners = pairs::by_time(&images, &depths);
+        let depths = list_known(&root.join("depth"), &depth::ENDINGS, options.ids.is_none(), on_event)?;
+        let pairs = TimePairs::find(&images, &depths);
+        report_pairs(&pairs, options.ids.is_none(), on_event);
         let mut ids = match &options.ids {
             Some(list) => read_ids(list)?,
             // Ids of depth are included: a missing image is reported when it is measured.
             None => images.into_iter().chain(depths).collect::<BTreeSet<_>>().into_iter().collect(),
         };
+        let TimePairs { depth_of: partners, strays, .. } = pairs;
         // Depth that belongs to an image of another name is not an image without a partner.
-        let paired: HashSet<&String> = partners.values().collect();
-        ids.retain(|id| !paired.contains(id));
+        let paired: BTreeSet<&String> = partners.values().collect();
+        ids.retain(|id| !paired.contains(id) && (options.ids.is_some() || !strays.contains(id)));
         if ids.is_empty() {
             return Err(EvalError::NoImages { path: root });
         }
@@ -133,7 +141,7 @@ impl Dataset {
             units: options.units,
             window: options.window,
             rotation: options.camera.rotation,
-            _unpacked: None,
+            unpacked: None,
             unpaired: 0,
             root,
             ids,
@@ -149,42 +157,70 @@ impl Dataset {
     /// Reads an image.
     pub(crate) fn image(&self, id: &str, frame: &mut Frame) -> Result<(), EvalError> {
         let path = self.path("rgb", id, &IMAGE_EXTENSIONS);
+        self.check_joined("rgb", id, &path)?;
         frame.camera = self.cameras.get(id).copied().or(self.camera);
         let decoded = decode(&path, frame).and_then(|_| refuse_turned(frame));
         let decoded =
             decoded.and_then(|()| self.rotation.map_or(Ok(()), |to| Rotator::new(to).rotate(frame)));
-        decoded.map_err(|source| EvalError::ReadImage { path, source })
+        decoded.map_err(|source| EvalError::ReadImage { image: self.name("rgb", id, &path), source })
     }
 
     /// Reads the truth of an image, which must have the size `image` if that is given.
     pub(crate) fn truth(&self, id: &str, image: Option<ImageSize>) -> Result<Truth, EvalError> {
-        let (path, depth) = self.numbers("depth", id)?;
-        let size = depth.size;
-        same_size(&path, size, image.unwrap_or(size))?;
-        let mut depth_m = meters(&depth, self.units).ok_or(EvalError::UnknownUnit { path })?;
-        let labels = self.labels.as_ref().map(|folder| {
-            let (path, labels) = self.numbers(folder.name, id)?;
-            same_size(&path, labels.size, size)?;
-            folder.classes(&labels, &path)
-        });
+        let path = self.path("depth", self.partner(id), &depth::ENDINGS);
+        self.check_joined("depth", id, &path)?;
+        let name = || self.name("depth", id, &path);
+        let depth = DepthFile::read(&path);
+        let depth = depth.map_err(|source| EvalError::ReadImage { image: name(), source })?;
+        let depth = self.rotation.into_iter().fold(depth, DepthFile::rotated);
+        let (size, is_meters) = (depth.size(), depth.is_meters());
+        check_size(name, size, image.unwrap_or(size))?;
+        let mut depth_m = depth.meters(self.units).map_err(|error| match error {
+            UnitError::Unknown => EvalError::UnknownUnit { depth: name() },
+            UnitError::Fixed => EvalError::FixedUnit { depth: name().to_string() },
+        })?;
+        let labels = self.labels.as_ref().map(|folder| self.labels_of(folder, id, size));
         let mut labels = labels.transpose()?;
         self.blank_outside(size.width, &mut depth_m, f32::NAN);
         self.blank_outside(size.width, labels.as_deref_mut().unwrap_or_default(), IGNORE);
-        Ok(Truth { size, depth_m, labels })
+        Ok(Truth { size, depth_m, labels, is_meters })
     }
 
-    fn numbers(&self, folder: &str, id: &str) -> Result<(PathBuf, SingleChannelImage), EvalError> {
-        let path = self.path(folder, self.partners.get(id).map_or(id, String::as_str), &NUMBER_ENDINGS);
-        match decode_numbers(&path) {
-            Ok(numbers) => Ok((
-                path,
-                match self.rotation {
-                    Some(rotation) => numbers.rotated(rotation),
-                    None => numbers,
-                },
-            )),
-            Err(source) => Err(EvalError::ReadImage { path, source }),
+    fn labels_of(&self, folder: &LabelFolder, id: &str, size: ImageSize) -> Result<Vec<u8>, EvalError> {
+        let path = self.path(folder.name, self.partner(id), &LABEL_ENDINGS);
+        let name = || ImageName::from(&*path);
+        let labels = decode_numbers(&path);
+        let labels = labels.map_err(|source| EvalError::ReadImage { image: name(), source })?;
+        let labels = match self.rotation {
+            Some(rotation) => labels.rotated(rotation),
+            None => labels,
+        };
+        check_size(name, labels.size, size)?;
+        folder.classes(&labels, &path)
+    }
+
+    /// The name of an image's depth and labels.
+    fn partner<'a>(&'a self, id: &'a str) -> &'a str {
+        self.partners.get(id).map_or(id, String::as_str)
+    }
+
+    /// How errors name an image or its depth.
+    fn name(&self, folder: &str, id: &str, path: &Path) -> ImageName {
+        match &self.unpacked {
+            None => path.into(),
+            Some((_, Topics { images, depth })) => {
+                let topic = if folder == "rgb" { images } else { depth };
+                ImageName::Message { id: id.to_owned(), topic: topic.clone() }
+            }
         }
+    }
+
+    /// Where names are times, a missing file is a time without a partner.
+    fn check_joined(&self, folder: &'static str, id: &str, path: &Path) -> Result<(), EvalError> {
+        if self.partners.is_empty() || path.exists() {
+            return Ok(());
+        }
+        Err(EvalError::NoPartner { folder, id: id.to_owned(), apart_ms: MAX_APART_MS })
     }
 
     /// The file of an image. If there is none, the expected path.
@@ -238,50 +274,93 @@ fn camera_of(root: &Path) -> Result<Option<Camera>, EvalError> {
     if !path.is_file() {
         return Ok(None);
     }
-    let text = std::fs::read_to_string(&path).map_err(EvalError::read(&path))?;
+    let text = plain_file::read_text(&path, CameraFile::MAX_BYTES).map_err(EvalError::read(&path))?;
     let file: CameraFile = serde_json::from_str(&text).map_err(EvalError::read(&path))?;
     Ok(Some(file.camera().map_err(EvalError::read(&path))?))
 }
 
 /// Two images that belong together have one size.
-fn same_size(path: &Path, got: ImageSize, expected: ImageSize) -> Result<(), EvalError> {
-    if got == expected { Ok(()) } else { Err(EvalError::Size { path: path.to_owned(), got, expected }) }
+fn check_size(name: impl Fn() -> ImageName, got: ImageSize, expected: ImageSize) -> Result<(), EvalError> {
+    if got == expected { Ok(()) } else { Err(EvalError::Size { image: name(), got, expected }) }
 }
 
-/// `(value + offset) * scale`, NaN = none. `None` if the unit is not known.
-fn meters(depth: &SingleChannelImage, units: DepthUnits) -> Option<Vec<f32>> {
-    let scale = units.scale.or((depth.bits == 16).then_some(MILLIMETER_M))?;
-    let zero_is_none = units.offset == 0.0;
-    let is_none = |value: u16| (value == 0 && zero_is_none) || value == NO_DEPTH;
-    let meters = |value: u16| ((f64::from(value) + units.offset) * scale) as f32;
-    Some(depth.values.iter().map(|&value| if is_none(value) { f32::NAN } else { meters(value) }).collect())
+/// Says whether times were used, and which files were ignored therefore.
+fn report_pairs(pairs: &TimePairs, with_warning: bool, on_event: OnEvent<'_>) {
+    let TimePairs { depth_of, by_name, strays } = pairs;
+    if !depth_of.is_empty() {
+        on_event(Event::JoinedByTime { by_time: depth_of.len(), by_name: *by_name, apart_ms: MAX_APART_MS });
+    }
+    if !strays.is_empty() && with_warning {
+        let named: Vec<_> = strays.iter().take(NAMED_STRAYS).map(|name| format!("`{name}`")).collect();
+        let more = strays.len() - named.len();
+        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+        on_event(Event::Warning(&format!(
+            "ignored files whose names are no time stamps, unlike the others: {}{more}",
+            named.join(", ")
+        )));
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn depth(bits: u8) -> SingleChannelImage {
-        SingleChannelImage { size: (3, 1).into(), values: vec![0, 1500, 65535], bits }
+    /// A folder of empty files, each a name in `rgb` or `depth`.
+    fn folder(files: &[&str]) -> TempDir {
+        let root = tempfile::tempdir().unwrap();
+        for file in files {
+            let path = root.path().join(file);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, "").unwrap();
+        }
+        root
     }
 
     #[test]
-    fn no_depth_is_0_unless_there_is_an_offset_and_65535_always() {
-        let meters = |offset| meters(&depth(16), DepthUnits { scale: None, offset }).unwrap();
-        let millimeters = meters(0.0);
-        assert!(
-            millimeters[0].is_nan() && millimeters[1] == 1.5 && millimeters[2].is_nan(),
-            "{millimeters:?}"
+    fn images_are_joined_by_name_and_the_others_by_time_and_the_rest_is_named() {
+        let root = folder(&[
+            "rgb/1.5.png",
+            "rgb/2.0.png",
+            "rgb/3.0.png",
+            "rgb/thumb.png",
+            "depth/1.5.png",
+            "depth/2.015.png",
+            "depth/3.021.png",
+        ]);
+        let (mut joined, mut warnings) = (Vec::new(), Vec::new());
+        let dataset = Dataset::open(&EvalOptions::new(root.path()), &[], &mut |event| match event {
+            Event::JoinedByTime { by_time, by_name, apart_ms } => joined.push((by_time, by_name, apart_ms)),
+            Event::Warning(text) => warnings.push(text.to_owned()),
+            _ => {}
+        });
+        let dataset = dataset.unwrap();
+        assert_eq!(
+            (&dataset.ids[..], joined),
+            (&["1.5", "2.0", "3.0", "3.021"].map(str::to_owned)[..], vec![(1, 1, 20)])
         );
-        let offset = meters(500.0);
-        assert!(offset[0] == 0.5 && offset[1] == 2.0 && offset[2].is_nan(), "{offset:?}");
+        let expected = "ignored files whose names are no time stamps, unlike the others: `thumb`";
+        assert_eq!(warnings, [expected]);
+        let error = dataset.truth("3.0", None).unwrap_err();
+        assert_eq!(error.to_string(), "`depth/` has no file that is named `3.0` or within 20 ms of it");
+        let error = dataset.image("3.021", &mut Frame::default()).unwrap_err();
+        assert!(matches!(error, EvalError::NoPartner { folder: "rgb", .. }), "{error}");
     }
 
     #[test]
-    fn eight_bits_need_a_scale() {
-        assert!(meters(&depth(8), DepthUnits::default()).is_none());
-        let units = DepthUnits { scale: Some(0.1), offset: 0.0 };
-        assert_eq!(meters(&depth(8), units).unwrap()[1], 150.0);
+    fn depth_may_be_meters() {
+        let root = folder(&["rgb/a.png", "rgb/b.png"]);
+        std::fs::create_dir(root.path().join("depth")).unwrap();
+        let depth = root.path().join("depth/a.npy");
+        nunet_files::write_npy(&depth, &[70.0, 0.0], (2, 1).into()).unwrap();
+        std::fs::write(root.path().join("depth/b.npy"), "no array").unwrap();
+        let mut options = EvalOptions::new(root.path());
+        let truth =
+            |options: &EvalOptions, id| Dataset::open(options, &[], &mut |_| {}).unwrap().truth(id, None);
+        let found = truth(&options, "a").unwrap();
+        assert!(found.is_meters && found.depth_m[0] == 70.0 && found.depth_m[1].is_nan(), "{found:?}");
+        assert!(matches!(truth(&options, "b"), Err(EvalError::ReadImage { .. })));
+        options.units.scale = Some(0.001);
+        assert!(matches!(truth(&options, "a"), Err(EvalError::FixedUnit { .. })));
     }
 
     #[test]

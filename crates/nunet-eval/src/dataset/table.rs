@@ -4,8 +4,8 @@ use std::path::Path;
 
 use serde::de::DeserializeOwned;
 
-use super::ids::read_list;
 use crate::error::Cause;
+use crate::text_file::read_list;
 
 /// The rows of a CSV file; none if there is no such file. Columns that `Row` does not name are ignored.
 pub(super) fn rows<Row: DeserializeOwned>(path: &Path) -> Result<Vec<Row>, Cause> {
