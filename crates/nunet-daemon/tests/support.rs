@@ -224,6 +224,7 @@ impl Bench {
                 depth: DepthRecord { scale: ScaleRecord::default(), width, height, bytes: &bytes },
                 depth_camera: None,
                 labels: None,
+                confidence: None,
                 cloud: None,
             };
             writer.write(&frame).unwrap();
