@@ -69,7 +69,7 @@ pub enum EvalError {
     #[error("cannot read the image {image}")]
     ReadImage {
         /// The image.
-        image: ImageName,
+        image: Box<ImageName>,
         /// Why.
         source: SourceError,
     },
@@ -369,7 +369,7 @@ mod tests {
     #[test]
     fn the_hint_of_a_cause_is_found() {
         let source = SourceError::bad_frame("it is too large").with_hint("make it smaller");
-        let error = EvalError::ReadImage { image: Path::new("a.png").into(), source };
+        let error = EvalError::ReadImage { image: ImageName::from(Path::new("a.png")).into(), source };
         assert_eq!(hint_of_chain(&error).as_deref(), Some("make it smaller"));
     }
 

@@ -1,5 +1,6 @@
 //! Two sessions of Zenoh on loopback, of which one is the router.
 #![cfg(feature = "ros2-zenoh")]
+#![expect(clippy::unwrap_used, reason = "helpers of tests are tests")]
 
 use std::net::TcpListener;
 use std::sync::Arc;

@@ -82,7 +82,7 @@ pub enum CalibrateError {
         /// The first line with this image.
         line: u64,
         /// Why not.
-        source: EvalError,
+        source: Box<EvalError>,
     },
     /// A calibration file of a camera that is not known.
     #[error("no calibration can be written: the intrinsics are unknown")]

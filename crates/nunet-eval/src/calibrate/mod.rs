@@ -25,6 +25,7 @@ use crate::dataset::{Dataset, refuse_own_depth};
 use crate::error::{EvalError, hint_of_chain};
 use crate::event::{Event, OnEvent};
 use crate::fit::Fit;
+use crate::image_name::ImageName;
 use crate::options::EvalOptions;
 
 pub use self::agreement::Agreement;
@@ -167,7 +168,8 @@ impl Calibrator {
             rotated.map_err(|source| CalibrateError::ImageOfReading {
                 table: path.to_owned(),
                 line,
-                source: EvalError::ReadImage { image: image.as_path().into(), source },
+                source: EvalError::ReadImage { image: ImageName::from(image.as_path()).into(), source }
+                    .into(),
             })?;
             self.predict_and_report(&frame, on_event)?;
             for reading in readings {

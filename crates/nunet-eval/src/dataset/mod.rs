@@ -162,7 +162,7 @@ impl Dataset {
         let decoded = decode(&path, frame).and_then(|_| refuse_turned(frame));
         let decoded =
             decoded.and_then(|()| self.rotation.map_or(Ok(()), |to| Rotator::new(to).rotate(frame)));
-        decoded.map_err(|source| EvalError::ReadImage { image: self.name("rgb", id, &path), source })
+        decoded.map_err(|source| EvalError::ReadImage { image: self.name("rgb", id, &path).into(), source })
     }
 
     /// Reads the truth of an image, which must have the size `image` if that is given.
@@ -171,7 +171,7 @@ impl Dataset {
         self.check_joined("depth", id, &path)?;
         let name = || self.name("depth", id, &path);
         let depth = DepthFile::read(&path);
-        let depth = depth.map_err(|source| EvalError::ReadImage { image: name(), source })?;
+        let depth = depth.map_err(|source| EvalError::ReadImage { image: name().into(), source })?;
         let depth = self.rotation.into_iter().fold(depth, DepthFile::rotated);
         let (size, is_meters) = (depth.size(), depth.is_meters());
         check_size(name, size, image.unwrap_or(size))?;
@@ -190,7 +190,7 @@ impl Dataset {
         let path = self.path(folder.name, self.partner(id), &LABEL_ENDINGS);
         let name = || ImageName::from(&*path);
         let labels = decode_numbers(&path);
-        let labels = labels.map_err(|source| EvalError::ReadImage { image: name(), source })?;
+        let labels = labels.map_err(|source| EvalError::ReadImage { image: name().into(), source })?;
         let labels = match self.rotation {
             Some(rotation) => labels.rotated(rotation),
             None => labels,

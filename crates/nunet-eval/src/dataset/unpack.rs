@@ -71,8 +71,8 @@ pub(super) fn unpack(options: &EvalOptions, on_event: OnEvent<'_>) -> Result<Unp
     }
     depths.rewind().map_err(from_recording_error)?;
     for_each_depth(&mut depths, &mut |_| {}, |number, depth| {
-        let ids = images.ids_of_depth.get(&number).into_iter().flatten();
-        ids.map(|id| write_depth(folder.path(), id, depth)).collect::<Result<_, _>>().map_err(unwritable)
+        let mut ids = images.ids_of_depth.get(&number).into_iter().flatten();
+        ids.try_for_each(|id| write_depth(folder.path(), id, depth)).map_err(unwritable)
     })?;
     Ok(Unpacked { camera: images.camera, unpaired: images.unreadable + images.alone, folder, topics })
 }
@@ -190,7 +190,7 @@ impl Images {
                 _ => return Ok(()),
             }
             refuse_turned(&frame)
-                .map_err(|source| EvalError::ReadImage { image: ImageName::from(path), source })?;
+                .map_err(|source| EvalError::ReadImage { image: ImageName::from(path).into(), source })?;
             self.camera = self.camera.or(frame.camera);
             if let Some(id) = self.join(frame.capture.unix_nanos, times) {
                 write_image(folder, &id, &frame)?;
