@@ -82,7 +82,7 @@ static void names(void) {
   HOLDS(strstr(nunet_last_error(), "hint: use a name like `left_arm`") != NULL);
   EXPECT(NUNET_BAD_ARGUMENT, nunet_reader_open("", NUNET_BIT_DEPTH, 0, &reader));
   EXPECT(NUNET_BAD_ARGUMENT, nunet_reader_open("front", 0, 0, &reader));
-  EXPECT(NUNET_BAD_ARGUMENT, nunet_reader_open("front", 64, 0, &reader));
+  EXPECT(NUNET_BAD_ARGUMENT, nunet_reader_open("front", NUNET_BIT_CONFIDENCE << 1, 0, &reader));
   EXPECT(NUNET_NOBODY_PUBLISHES, nunet_reader_open("nobody-has-this-name", NUNET_BIT_DEPTH, 50, &reader));
   HOLDS(strstr(nunet_last_error(), "\nhint: ") != NULL);
 }
