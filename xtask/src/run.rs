@@ -34,6 +34,13 @@ pub(crate) fn cargo(arguments: &[&str]) -> Command {
     let program = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut command = Command::new(program);
     command.args(arguments);
+    // The variables by which cargo describes this program. Some build scripts read it, and would run again after each change between
+    // `cargo xtask` and `cargo`.
+    let about_this_program =
+        |name: &str| name.starts_with("CARGO_PKG_") || name.starts_with("CARGO_MANIFEST_");
+    for (name, _) in std::env::vars_os().filter(|(name, _)| name.to_str().is_some_and(about_this_program)) {
+        command.env_remove(name);
+    }
     command
 }
 
@@ -120,6 +127,16 @@ mod tests {
         let mut command = Command::new("/somewhere/bin/cargo");
         command.args(["doc", "torch>=2,<3", "it's", ""]).env("RUSTDOCFLAGS", "-D warnings");
         assert_eq!(shown(&command), r"RUSTDOCFLAGS='-D warnings' cargo doc 'torch>=2,<3' 'it'\''s' ''");
+    }
+
+    #[test]
+    fn cargo_starts_without_the_variables_of_this_program() {
+        let command = cargo(&["test"]);
+        let removed: Vec<_> =
+            command.get_envs().filter(|(_, value)| value.is_none()).map(|(name, _)| name).collect();
+        assert!(removed.contains(&OsStr::new("CARGO_MANIFEST_DIR")), "{removed:?}");
+        assert!(removed.contains(&OsStr::new("CARGO_PKG_NAME")), "{removed:?}");
+        assert_eq!(shown(&command).split(' ').next_back(), Some("test"));
     }
 
     #[test]
