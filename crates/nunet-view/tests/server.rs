@@ -149,6 +149,20 @@ impl Producer {
 }
 
 #[test]
+fn a_viewer_that_is_earlier_than_the_camera_hears_of_it() {
+    let server = ViewServer::open(loopback(), ViewOptions::default()).unwrap();
+    block_on(async {
+        let mut socket = connect(server.address()).await;
+        assert_eq!(report(&mut socket, "hello").await["cameras"], json!([]));
+        let mut feed = server.add_camera("front", &[]);
+        assert_eq!(report(&mut socket, "hello").await["cameras"], json!(["front"]));
+        offer(&mut feed, 3);
+        say(&mut socket, json!({"type": "watch", "camera": "front"})).await;
+        assert!(!frame(&mut socket).await.is_empty());
+    });
+}
+
+#[test]
 fn a_viewer_receives_what_was_offered() {
     let (server, mut feed) = server();
     offer(&mut feed, 3);

@@ -62,6 +62,8 @@ struct Client {
     shown: Option<Arc<ViewFrame>>,
     heard: Instant,
     pinged: Instant,
+    /// How many cameras `hello` named.
+    greeted: usize,
 }
 
 /// The camera that a viewer watches.
@@ -156,16 +158,13 @@ async fn next_frame(watching: &mut Option<Watching>) -> Option<Arc<ViewFrame>> {
 impl Client {
     fn new(socket: WebSocket, shared: ServerState) -> Self {
         let now = Instant::now();
-        Self { socket, shared, watching: None, shown: None, heard: now, pinged: now }
+        Self { socket, shared, watching: None, shown: None, heard: now, pinged: now, greeted: 0 }
     }
 
     /// Serves the viewer until one side closes. Nothing is read while a frame is being sent. A viewer that
     /// reads nothing is disconnected by the write timeout of its connection.
     async fn run(mut self) -> Result<(), axum::Error> {
-        let cameras = self.shared.cameras.all();
-        let cameras = cameras.iter().map(|camera| camera.name.as_str()).collect();
-        let palette = palette().as_flattened().to_vec();
-        self.say(&ServerMessage::Hello { protocol: PROTOCOL_VERSION, cameras, palette }).await?;
+        self.greet().await?;
         let mut ticks = interval(STATUS_PERIOD);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
@@ -178,6 +177,15 @@ impl Client {
                 return Ok(());
             }
         }
+    }
+
+    /// Names the cameras. At the beginning, and again when one is added: the server runs before the cameras do.
+    async fn greet(&mut self) -> Result<(), axum::Error> {
+        let cameras = self.shared.cameras.all();
+        self.greeted = cameras.len();
+        let cameras = cameras.iter().map(|camera| camera.name.as_str()).collect();
+        let palette = palette().as_flattened().to_vec();
+        self.say(&ServerMessage::Hello { protocol: PROTOCOL_VERSION, cameras, palette }).await
     }
 
     async fn handle(&mut self, event: SocketEvent) -> Result<AfterMessage, axum::Error> {
@@ -251,6 +259,9 @@ impl Client {
     }
 
     async fn tick(&mut self) -> Result<AfterMessage, axum::Error> {
+        if self.shared.cameras.all().len() != self.greeted {
+            self.greet().await?;
+        }
         if let Some(status) = self.watching.as_mut().and_then(Watching::status) {
             self.socket.send(Message::Text(status.into())).await?;
         }
