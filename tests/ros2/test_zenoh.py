@@ -211,7 +211,7 @@ def test_the_router_may_be_killed_and_started_again(start: object, router: Route
         old = ZenohReceiver(opened, hash_of)
         scans = old.subscribe(TOPICS["scan"], topic)
         old.spin_until(lambda: len(scans) > 3)
-        wait_for_log(daemon, "connected to the Zenoh router")  # it looks once per second
+        wait_for_log(daemon, "connected to the Zenoh router")  # it is checked once per second
         router.kill()
         wait_for_log(daemon, "no Zenoh router")
         received = len(scans)
