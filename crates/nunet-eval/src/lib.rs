@@ -68,6 +68,7 @@ mod far_truth;
 mod fit;
 mod image_name;
 mod mean_image;
+mod median;
 mod metrics;
 mod npy_file;
 mod obstacles;

@@ -7,6 +7,8 @@
 
 use serde::Serialize;
 
+use crate::median::median;
+
 /// The shares of the curve, percent. The area is the mean distance over them.
 const CURVE: [usize; 20] = [5, 10, 15, 20, 25, 30, 35, 40, 45, 50, 55, 60, 65, 70, 75, 80, 85, 90, 95, 100];
 
@@ -53,10 +55,12 @@ pub(crate) type Pixel = (f32, f32, u8);
 impl Sparsification {
     /// Counts an image; one without pixels does not count.
     pub(crate) fn add(&mut self, pixels: &[Pixel]) {
-        if pixels.is_empty() {
+        let median_of =
+            |value: fn(&Pixel) -> f32| median(pixels.iter().map(|pixel| f64::from(value(pixel))).collect());
+        let (Some(truth), Some(predicted)) = (median_of(|pixel| pixel.1), median_of(|pixel| pixel.0)) else {
             return;
-        }
-        let fit = median(pixels.iter().map(|pixel| pixel.1)) / median(pixels.iter().map(|pixel| pixel.0));
+        };
+        let fit = truth / predicted;
         for (sum, scale) in self.sums.iter_mut().zip([1.0, fit]) {
             let error = |&(predicted, truth, confidence): &Pixel| {
                 let truth = f64::from(truth);
@@ -160,14 +164,6 @@ fn mean_of_most_certain(levels: &[(usize, f64); 256], count: usize) -> f64 {
         }
     }
     sum / count as f64
-}
-
-/// The median, of an even count the mean of the two middle ones, as in the recipe.
-fn median(values: impl Iterator<Item = f32>) -> f64 {
-    let mut values: Vec<f64> = values.map(f64::from).collect();
-    values.sort_unstable_by(f64::total_cmp);
-    let middle = values.len() / 2;
-    if values.len().is_multiple_of(2) { (values[middle - 1] + values[middle]) / 2.0 } else { values[middle] }
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::io;
 use std::net::SocketAddr;
 
 use nunet_ros2::Ros2Error;
-use nunet_types::Hint;
+use nunet_types::{Hint, hint_of_listen};
 
 /// Why the server cannot be opened, or a camera not be added.
 #[derive(Debug, thiserror::Error)]
@@ -74,15 +74,7 @@ impl FoxgloveServerError {
 impl Hint for FoxgloveServerError {
     fn hint(&self) -> Option<Cow<'static, str>> {
         match self {
-            Self::Listen { source, .. } if source.kind() == io::ErrorKind::AddrInUse => {
-                Some("choose another port, or stop the program that uses this one".into())
-            }
-            Self::Listen { source, .. } if source.kind() == io::ErrorKind::PermissionDenied => {
-                Some("choose a port above 1023".into())
-            }
-            Self::Listen { source, .. } if source.kind() == io::ErrorKind::AddrNotAvailable => {
-                Some("choose an address of this machine, such as 127.0.0.1".into())
-            }
+            Self::Listen { source, .. } => hint_of_listen(source, "127.0.0.1"),
             Self::Exposed { .. } => Some("listen on 127.0.0.1, and forward the port with ssh".into()),
             Self::NotBuilt => Some("build nunetd with the Cargo feature `foxglove`".into()),
             _ => None,

@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 use std::error::Error;
 use std::fmt::Display;
+use std::io;
 
 /// An error that can say what to do about it.
 ///
@@ -17,6 +18,21 @@ pub trait Hint {
     /// the command line `--topic`.
     fn setting(&self) -> Option<&'static str> {
         None
+    }
+}
+
+/// The hint for an address that a server cannot listen on. `example` is an address that it can.
+#[must_use]
+pub fn hint_of_listen(error: &io::Error, example: &str) -> Option<Cow<'static, str>> {
+    match error.kind() {
+        io::ErrorKind::AddrInUse => {
+            Some("choose another port, or stop the program that uses this one".into())
+        }
+        io::ErrorKind::PermissionDenied => Some("choose a port above 1023".into()),
+        io::ErrorKind::AddrNotAvailable => {
+            Some(format!("choose an address of this machine, such as {example}").into())
+        }
+        _ => None,
     }
 }
 

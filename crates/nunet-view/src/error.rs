@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::io;
 use std::net::SocketAddr;
 
-use nunet_types::Hint;
+use nunet_types::{Hint, hint_of_listen};
 
 /// Why the server cannot be opened.
 #[derive(Debug, thiserror::Error)]
@@ -62,18 +62,10 @@ impl ViewError {
 impl Hint for ViewError {
     fn hint(&self) -> Option<Cow<'static, str>> {
         match self {
-            Self::Listen { source, .. } if source.kind() == io::ErrorKind::AddrInUse => {
-                Some("choose another port, or stop the program that uses this one".into())
-            }
-            Self::Listen { source, .. } if source.kind() == io::ErrorKind::PermissionDenied => {
-                Some("choose a port above 1023".into())
-            }
-            Self::Listen { source, .. } if source.kind() == io::ErrorKind::AddrNotAvailable => {
-                Some("choose an address of this machine, such as 127.0.0.1 or 0.0.0.0".into())
-            }
+            Self::Listen { source, .. } => hint_of_listen(source, "127.0.0.1 or 0.0.0.0"),
             Self::TokenRequired { .. } => Some("set a token, or listen on 127.0.0.1".into()),
             Self::Token { .. } => Some("use 1 to 256 letters, digits or -._~+/=".into()),
-            Self::Listen { .. } | Self::Thread(_) => None,
+            Self::Thread(_) => None,
         }
     }
 }

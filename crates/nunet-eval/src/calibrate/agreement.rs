@@ -10,6 +10,7 @@
 use std::fmt;
 
 use super::CalibrateError;
+use crate::median::median;
 
 /// The ratio of standard deviation and MAD of a normal distribution.
 const MAD_TO_DEVIATION: f64 = 1.4826;
@@ -84,13 +85,6 @@ fn worst(observations: &[Observation], factor: f64) -> String {
     sorted.sort_by(|a, b| off(b).total_cmp(&off(a)));
     let named = sorted.iter().take(NAMED).map(|one| format!("{} gives {:.3}", one.name, one.factor));
     named.collect::<Vec<_>>().join(", ")
-}
-
-/// The middle value, or the mean of both in the middle; `None` without any.
-pub(crate) fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_unstable_by(f64::total_cmp);
-    let (low, high) = (values.get(values.len().checked_sub(1)? / 2)?, values.get(values.len() / 2)?);
-    Some((low + high) / 2.0)
 }
 
 /// The factor with the least mean absolute relative error, given the exact factor of each pixel: their

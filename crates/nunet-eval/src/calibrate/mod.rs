@@ -18,7 +18,7 @@ use nunet_core::scale::FloorGauge;
 use nunet_source::{CameraNews, CameraResolver, Frame, Rotator, decode};
 use nunet_types::{ImageSize, text_with_causes};
 
-use self::agreement::{Observation, least_relative_error, median};
+use self::agreement::{Observation, least_relative_error};
 use self::readings::Reading;
 use crate::comparison::TruthRange;
 use crate::dataset::{Dataset, refuse_own_depth};
@@ -26,6 +26,7 @@ use crate::error::{EvalError, hint_of_chain};
 use crate::event::{Event, OnEvent};
 use crate::fit::Fit;
 use crate::image_name::ImageName;
+use crate::median::median;
 use crate::options::EvalOptions;
 
 pub use self::agreement::Agreement;
