@@ -60,7 +60,11 @@ fn depth_in_foxglove_is_that_of_shared_memory() {
             let map = set.get(Topic::Depth).unwrap();
             published.push((map.header().capture_unix_nanos, map.depth().unwrap().to_vec()));
         }
-        let Message::Binary(data) = message else { continue };
+        let Message::Binary(data) = message else {
+            let report = message.to_text().unwrap();
+            assert!(!report.contains("Unknown channel"), "{report}");
+            continue;
+        };
         let mut image = RecordedImage::default();
         decoder.image(&data[13..], &mut image).unwrap();
         let Some((_, depth)) = published.iter().find(|(stamp, _)| *stamp == image.stamp_nanos) else {

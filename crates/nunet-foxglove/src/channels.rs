@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use foxglove::{ChannelBuilder, Context, RawChannel, Schema};
 use nunet_mcap::ros::definition;
 use nunet_ros2_link::{Delivery, Endpoint, Link, MessagePublisher, MessageSubscriber, Ros2Error};
+use tokio::runtime::Handle;
 
 use crate::kept::KeptMessages;
 
@@ -17,11 +18,22 @@ pub(crate) struct Channels {
     context: Arc<Context>,
     kept: Arc<KeptMessages>,
     publishers: AtomicU64,
+    /// The server's thread.
+    server: Handle,
 }
 
 impl Channels {
-    pub(crate) fn new(context: Arc<Context>, kept: Arc<KeptMessages>) -> Self {
-        Self { context, kept, publishers: AtomicU64::new(0) }
+    pub(crate) fn new(context: Arc<Context>, kept: Arc<KeptMessages>, server: Handle) -> Self {
+        Self { context, kept, publishers: AtomicU64::new(0), server }
+    }
+
+    /// Adds a channel, on the server's thread. The library announces a channel to clients before it knows it itself: on
+    /// another thread, a client that subscribes at once would be refused.
+    fn add(&self, channel: ChannelBuilder) -> Result<Arc<RawChannel>, String> {
+        let (sender, added) = std::sync::mpsc::sync_channel(1);
+        self.server.spawn(async move { sender.send(channel.build_raw()) });
+        let channel = added.recv().map_err(|_| "the server has stopped".to_owned())?;
+        channel.map_err(|error| error.to_string())
     }
 }
 
@@ -38,7 +50,7 @@ impl Link for Channels {
         let schema = Schema::new(name, "ros2msg", text.as_bytes());
         let channel = ChannelBuilder::new(endpoint.topic).context(&self.context).message_encoding("cdr");
         // A channel of the same topic and type is shared: `/tf_static`, by all cameras.
-        let channel = channel.schema(schema).build_raw().map_err(|error| failed(error.to_string()))?;
+        let channel = self.add(channel.schema(schema)).map_err(failed)?;
         let number = self.publishers.fetch_add(1, Ordering::Relaxed);
         let kept = delivery.is_kept.then(|| Arc::clone(&self.kept));
         Ok(Box::new(ChannelPublisher { channel, number, kept }))

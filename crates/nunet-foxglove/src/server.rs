@@ -62,12 +62,13 @@ impl FoxgloveServer {
             error => FoxgloveServerError::Library { reason: error.to_string() },
         })?;
         let address = SocketAddr::new(config.address.ip(), handle.port());
+        let channels = Channels::new(context, kept, runtime.handle().clone());
         let (stop, stopped) = oneshot::channel();
         let served = Arc::clone(&parameters);
         let serve = move || runtime.block_on(serve(handle, &served, stopped));
         let thread = std::thread::Builder::new().name("foxglove".to_owned()).spawn(serve);
         let thread = Some(thread.map_err(FoxgloveServerError::Thread)?);
-        let node = Ros2Node::over(Arc::new(Channels::new(context, kept)), NETWORK, Topics::Recorded);
+        let node = Ros2Node::over(Arc::new(channels), NETWORK, Topics::Recorded);
         Ok(Self { address, node, parameters, stop: Some(stop), thread })
     }
 
