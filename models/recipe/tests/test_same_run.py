@@ -86,6 +86,7 @@ def test_a_run_whose_provenance_is_of_an_earlier_version_is_resumed(dataset, tmp
             "`--intrinsics 518.858,519.47,cx,cy@640x480`, given `--intrinsics 60,60,cx,cy@128x96`;",
         ),
         (("--decoder", "paper"), "`--decoder lite`, given `--decoder paper`; hint: "),
+        (("--decoder", "8,8,8,6,4"), "`--decoder lite`, given `--decoder 8,8,8,6,4`; hint: "),
         (("--dropout", "0.5"), "`--dropout 0.0`, given `--dropout 0.5`; hint: "),
         (
             ("--encoding", "minmax", "--lr", "0.5"),
@@ -129,8 +130,10 @@ def test_an_option_that_asks_for_another_graph_than_start_s_is_refused(
 
 def test_options_that_ask_for_the_graph_that_start_has_are_taken(started, tmp_path):
     dataset, best = started
-    same = ("--architecture", "wnet", "--decoder", "lite", "--encoding", "metric")
-    assert train(dataset, tmp_path, "--start", str(best), *same, *STOP, component="depth") == 0
+    for number, decoder in enumerate(("lite", "128,64,48,32,16")):
+        same = ("--architecture", "wnet", "--decoder", decoder, "--encoding", "metric")
+        run = tmp_path / str(number)
+        assert train(dataset, run, "--start", str(best), *same, *STOP, component="depth") == 0
 
 
 @pytest.fixture(scope="module")

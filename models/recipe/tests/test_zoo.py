@@ -7,8 +7,10 @@ import torch
 
 from nunet_models.errors import ConfigError, with_hint
 from nunet_models.export.collections import TINY_ARCHITECTURES, tiny_spec
+from nunet_models.export.metadata import describe_components
 from nunet_models.zoo import PAPER_DECODER, GraphSpec, SerialGraph, graph_spec
 from nunet_models.zoo.backbones import build_unet
+from nunet_models.zoo.spec import decoder_channels, decoder_name
 from nunet_models.zoo.weights import begin_with, imagenet_encoder, like_component
 
 
@@ -16,7 +18,7 @@ def parameters(module):
     return sum(p.numel() for p in module.parameters())
 
 
-@pytest.mark.parametrize("architecture", TINY_ARCHITECTURES)
+@pytest.mark.parametrize("architecture", [*TINY_ARCHITECTURES, "rcnn1"])
 def test_every_architecture_gives_raw_numbers_of_its_size(architecture):
     spec = tiny_spec(architecture)
     outputs = SerialGraph(spec).eval()(torch.zeros(2, 3, *spec.inner_size))
@@ -40,6 +42,46 @@ def test_the_paper_s_networks_have_its_parameter_counts():
                                      decoder_channels=PAPER_DECODER)) == 24_436_369  # fmt: skip
     assert parameters(SerialGraph(cnn)) == 55_816_393
     assert parameters(SerialGraph(rcnn)) == 44_299_549
+    # without the second LSTM and the dense layer before it
+    rcnn1 = graph_spec("rcnn1", inner_size=(480, 640))
+    assert parameters(SerialGraph(rcnn1)) == 44_299_549 - 2_099_200 - 262_656
+
+
+def test_each_pool_of_the_recurrent_network_is_followed_by_dropout_as_in_the_paper_s_code():
+    layers = [
+        type(layer).__name__
+        for layer in SerialGraph(tiny_spec("rcnn1")).components[0].dense.features
+    ]
+    assert layers == ["Conv2d", "ReLU", "MaxPool2d", "Dropout"] * 2
+
+
+def test_the_single_u_net_of_the_controls_is_as_large_as_w_net_connected():
+    wide = decoder_channels("440,176,64,32,16")
+    single = graph_spec("unet", decoder=wide, inner_size=(120, 160))
+    double = graph_spec("wnet_c", inner_size=(120, 160))
+    found = [describe_components(SerialGraph(spec).eval()) for spec in (single, double)]
+    for size in ("parameters", "gflop"):
+        alone, both = (sum(component[size] for component in of) for of in found)
+        assert alone == pytest.approx(both, rel=0.005), size
+
+
+def test_a_decoder_is_named_or_listed():
+    assert decoder_channels("paper") == PAPER_DECODER
+    assert decoder_channels("160,96,64,48,24") == (160, 96, 64, 48, 24)
+    assert decoder_name(PAPER_DECODER) == "paper"
+    assert decoder_name((160, 96, 64, 48, 24)) == "160,96,64,48,24"
+
+
+@pytest.mark.parametrize(
+    "text", ["heavy", "1,2,3,4", "0,1,2,3,4", "8,8,8,8,-8", "8,8,8,8,", "1.5,2,3,4,5"]
+)
+def test_another_decoder_is_refused(text):
+    with pytest.raises(ConfigError) as raised:
+        decoder_channels(text)
+    assert (
+        str(raised.value) == f"`--decoder {text}`; expected lite or paper, or 5 numbers of filters"
+    )
+    assert raised.value.hint == "`lite` is 128,64,48,32,16"
 
 
 def test_a_connected_component_sees_the_image_and_a_plain_one_does_not():

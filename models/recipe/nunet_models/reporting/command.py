@@ -6,6 +6,7 @@ from pathlib import Path
 from nunet_models.data.options import add_data_options, open_pairs
 from nunet_models.errors import ConfigError
 from nunet_models.evaluation.predict import Predictor
+from nunet_models.reporting.differences import difference_table
 from nunet_models.reporting.figures import (
     NetworkDepth,
     Panel,
@@ -29,6 +30,14 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
         default=[],
         help="a result of `evaluate` or `nunetd eval --json`",
     )
+    parser.add_argument(
+        "--difference",
+        nargs=2,
+        action="append",
+        default=[],
+        metavar=("FIRST.csv", "SECOND.csv"),
+        help="compare two networks by image, from `evaluate --csv`; several seeds by comma",
+    )
     parser.add_argument("--model", type=Path, action="append", default=[], help="draw its depth")
     add_data_options(parser, required=False)
     parser.add_argument("--ids", type=Path, help="images to show with `--model`")
@@ -37,14 +46,18 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Carry out `report`; prints the files written."""
-    if not (options.run or options.evaluation or options.model):
-        raise ConfigError("nothing to report", hint="`--run`, `--evaluation` or `--model`")
+    if not (options.run or options.evaluation or options.difference or options.model):
+        raise ConfigError(
+            "nothing to report", hint="`--run`, `--evaluation`, `--difference` or `--model`"
+        )
     options.out.mkdir(parents=True, exist_ok=True)
     parts = ["# Report\n"]
     if options.evaluation:
         evaluations = [read_evaluation(path) for path in options.evaluation]
         parts += ["## Meters\n", metric_table(evaluations)]
         parts += ["## Stretched per image\n", paper_table(evaluations)]
+    if options.difference:
+        parts += ["## Differences\n", difference_table(options.difference)]
     if options.run:
         loss_curves(options.run, options.out / "losses.png")
         parts.append("![loss curves](losses.png)\n")

@@ -14,7 +14,7 @@ from nunet_models.zoo.backbones import check_drop_path
 from nunet_models.zoo.checkpoint import Checkpoint
 from nunet_models.zoo.confidence import CONFIDENCE
 from nunet_models.zoo.dense import DENSE
-from nunet_models.zoo.spec import DECODERS, Camera
+from nunet_models.zoo.spec import DECODERS, Camera, decoder_channels, decoder_name
 from nunet_models.zoo.weights import begin_with, imagenet_encoder, like_component
 
 
@@ -23,7 +23,11 @@ def add_graph_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("graph")
     group.add_argument("--architecture", help=f"{architecture_names()} (default wnet_c)")
     group.add_argument("--backbone", help="one, or a list by comma (default efficientnet_lite0)")
-    group.add_argument("--decoder", choices=sorted(DECODERS), help="default lite")
+    group.add_argument(
+        "--decoder",
+        help=f"{', '.join(sorted(DECODERS))}, or the filters of its five stages by comma, the "
+        "deepest first (default lite)",
+    )
     group.add_argument(
         "--tasks",
         metavar="TASK,TASK...",
@@ -241,7 +245,7 @@ def _asked(options: argparse.Namespace, spec: GraphSpec) -> dict[str, str]:
     asked = {
         "--architecture": options.architecture,
         "--backbone": backbone,
-        "--decoder": options.decoder,
+        "--decoder": options.decoder and decoder_name(decoder_channels(options.decoder)),
         "--inner-size": options.inner_size and "{} {}".format(*options.inner_size),
         "--encoding": options.encoding,
     }
@@ -253,7 +257,7 @@ def _spec(options: argparse.Namespace) -> GraphSpec:
     return graph_spec(
         options.architecture or "wnet_c",
         backbone=options.backbone or "efficientnet_lite0",
-        decoder=DECODERS[options.decoder or "lite"],
+        decoder=decoder_channels(options.decoder or "lite"),
         inner_size=tuple(options.inner_size or (240, 320)),
         encoding=options.encoding or "metric",
         tasks=options.tasks.split(",") if options.tasks else (),

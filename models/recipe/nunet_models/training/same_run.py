@@ -3,7 +3,7 @@
 from typing import Any
 
 from nunet_models.zoo.confidence import CONFIDENCE
-from nunet_models.zoo.spec import DECODERS, Camera, GraphSpec
+from nunet_models.zoo.spec import Camera, GraphSpec, decoder_name
 
 _DATA_OPTIONS = {
     "name": "--data",
@@ -78,14 +78,13 @@ def _settled(sets: list[dict[str, Any]]) -> dict[str, Any]:
 
 def graph_options(spec: GraphSpec) -> dict[str, str]:
     """A graph by the options that make it, as they are written on the command line."""
-    decoders = {channels: name for name, channels in DECODERS.items()}
-    channels = [c.decoder_channels for c in spec.components]
+    decoders = [decoder_name(c.decoder_channels) for c in spec.components]
     return {
         "--architecture": spec.architecture,
         "--tasks": ",".join(c.task for c in spec.components),
         "--sigmoid-joint": ",".join(c.name for c in spec.components if c.sigmoid_joint),
         "--backbone": ",".join(c.backbone for c in spec.components),
-        "--decoder": ",".join(dict.fromkeys(decoders.get(c, str(c)) for c in channels)),
+        "--decoder": ",".join(dict.fromkeys(decoders)),
         "--inner-size": "{} {}".format(*spec.inner_size),
         "--encoding": spec.encoding,
         "--intrinsics": _intrinsics(spec.camera),

@@ -4,6 +4,9 @@ Layer for layer the paper's published Keras code (convolutions without padding),
 `width` only for tests. Unlike a U-Net they work at one image size only.
 """
 
+from collections.abc import Callable
+from functools import partial
+
 import torch
 from torch import nn
 
@@ -49,10 +52,19 @@ class Cnn(nn.Module):
 
 
 class Rcnn(nn.Module):
-    """`[B, in, h, w]` to `[B, out, h, w]`: rows of a feature map read in turn by two LSTMs."""
+    """`[B, in, h, w]` to `[B, out, h, w]`: rows of a feature map read in turn by LSTMs.
+
+    One (`lstms`) as in the paper's figure 4, or two with a dense layer between them as in its code.
+    """
 
     def __init__(
-        self, *, in_channels: int, out_channels: int, size: tuple[int, int], width: float = 1.0
+        self,
+        *,
+        in_channels: int,
+        out_channels: int,
+        size: tuple[int, int],
+        width: float = 1.0,
+        lstms: int = 2,
     ) -> None:
         super().__init__()
         self.shape = (out_channels, *size)
@@ -61,6 +73,7 @@ class Rcnn(nn.Module):
             nn.Conv2d(in_channels, first, 10),
             nn.ReLU(),
             nn.MaxPool2d(4),
+            nn.Dropout(DROPOUT),
             nn.Conv2d(first, second, 6),
             nn.ReLU(),
             nn.MaxPool2d(4),
@@ -69,17 +82,20 @@ class Rcnn(nn.Module):
         channels, _, columns = _features_of(self.features, in_channels, size)[1:]
         units, narrow = _scaled(512, width), _scaled(128, width)
         self.rows = RowLstm(channels * columns, units)
-        self.between = nn.Linear(units, units)
-        self.summary = RowLstm(units, units)
+        self.lstms = lstms
+        if lstms == 2:
+            self.between = nn.Linear(units, units)
+            self.summary = RowLstm(units, units)
         self.narrow = nn.Linear(units, narrow)
         self.head = nn.Linear(narrow, out_channels * size[0] * size[1])
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        """Rows of the map as a sequence, two LSTMs, one number per pixel."""
+        """Rows of the map as a sequence, the last LSTM's last answer, one number per pixel."""
         rows = self.features(x).permute(0, 2, 3, 1).flatten(2)  # [B, rows, columns * channels]
-        sequence = self.between(self.rows(rows)).relu()
-        last = self.summary(sequence)[:, -1]
-        return self.head(self.narrow(last).relu()).unflatten(1, self.shape)
+        sequence = self.rows(rows)
+        if self.lstms == 2:
+            sequence = self.summary(self.between(sequence).relu())
+        return self.head(self.narrow(sequence[:, -1]).relu()).unflatten(1, self.shape)
 
 
 class RowLstm(nn.Module):
@@ -117,5 +133,9 @@ def _features_of(features: nn.Module, in_channels: int, size: tuple[int, int]) -
         raise ConfigError(f"images of {size} are too small for the unpadded layers") from error
 
 
-DENSE: dict[str, type[nn.Module]] = {"cnn": Cnn, "rcnn": Rcnn}
+DENSE: dict[str, Callable[..., nn.Module]] = {
+    "cnn": Cnn,
+    "rcnn": Rcnn,
+    "rcnn1": partial(Rcnn, lstms=1),
+}
 """Systems that can be named instead of a backbone in a component's spec."""

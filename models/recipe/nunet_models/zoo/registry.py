@@ -21,6 +21,7 @@ def _segmentation(backbone: str) -> ComponentSpec:
 ARCHITECTURES: dict[str, Callable[[str], tuple[ComponentSpec, ...]]] = {
     # the paper's systems without a U-Net in front
     "cnn": lambda _: (ComponentSpec("depth", "depth", "cnn"),),
+    "rcnn1": lambda _: (ComponentSpec("depth", "depth", "rcnn1"),),
     "rcnn": lambda _: (ComponentSpec("depth", "depth", "rcnn"),),
     "unet": lambda b: (_unet("depth", "depth", b),),
     # a segmentation U-Net, then a depth system that sees its logits alone

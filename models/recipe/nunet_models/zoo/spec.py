@@ -19,6 +19,30 @@ DECODERS = {"lite": LITE_DECODER, "paper": PAPER_DECODER}
 """By the name that `train --decoder` takes."""
 
 
+def decoder_channels(text: str) -> tuple[int, ...]:
+    """Filters of a decoder by its name, or a comma-separated list of them, deepest first.
+
+    # Errors
+    `OptionError` for another name, and for a list that is not five numbers of 1 or more.
+    """
+    if text in DECODERS:
+        return DECODERS[text]
+    filters = text.split(",")
+    if len(filters) != len(LITE_DECODER) or not all(re.fullmatch(r"[1-9]\d*", n) for n in filters):
+        raise OptionError(
+            f"`--decoder {text}`; expected {' or '.join(sorted(DECODERS))}, or "
+            f"{len(LITE_DECODER)} numbers of filters",
+            hint=f"`lite` is {','.join(map(str, LITE_DECODER))}",
+        )
+    return tuple(map(int, filters))
+
+
+def decoder_name(channels: tuple[int, ...]) -> str:
+    """The filters of a decoder as `decoder_channels` reads them."""
+    names = {filters: name for name, filters in DECODERS.items()}
+    return names.get(channels) or ",".join(map(str, channels))
+
+
 @dataclass(frozen=True)
 class ComponentSpec:
     """One U-Net of a serial graph.
@@ -26,8 +50,8 @@ class ComponentSpec:
     `connected` says whether it sees the image; the first component always does. `sigmoid_joint`
     keeps a final sigmoid on what the next component reads, as in the paper's code. `dropout` (of
     whole channels before the head) and `drop_path` (of encoder blocks) act in training only.
-    `backbone` may also be `cnn` or `rcnn`, whose hidden layers `width` scales. `memory` is the
-    number of units of a convolutional LSTM at the bottleneck, 0 for none.
+    `backbone` may also be `cnn`, `rcnn1` or `rcnn`, whose hidden layers `width` scales. `memory` is
+    the number of units of a convolutional LSTM at the bottleneck, 0 for none.
     """
 
     name: str
