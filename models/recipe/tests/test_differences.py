@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from runs import evaluate_tiny as evaluate
+from runs import train
 
 from nunet_models.cli import main
 from nunet_models.errors import DataError
 from nunet_models.evaluation.differences import paired_difference, read_scores
+from nunet_models.export.onnx_file import read_metadata
 
 
 def by_image(values):
@@ -129,3 +132,24 @@ def test_a_missing_file_is_named(tmp_path, capsys):
     write(tmp_path / "a.csv", ["0,0.1,0.1,0.9,0.04"], COLUMNS)
     assert report(tmp_path, f"{tmp_path}/a.csv", f"{tmp_path}/absent.csv")[0] == 1
     assert "absent.csv`: no such file or directory" in capsys.readouterr().err
+
+
+def test_a_network_behind_a_random_one_is_compared_with_one_alone(dataset, tmp_path, capsys):
+    for name, architecture in (("unet", "unet"), ("random", "wnet_c")):
+        run, model = tmp_path / name, tmp_path / f"{name}.onnx"
+        options = ("--architecture", architecture, "--decoder", "8,8,8,6,4")
+        assert train(dataset, run, *options, component="depth", epochs=1) == 0
+        export = ["export", "--checkpoint", str(run / "best.pt"), "--out", str(model)]
+        if name == "random":
+            assert main(export) == 1
+            assert "`segmentation` of" in capsys.readouterr().err
+            assert main([*export, "--random", "depth"]) == 1
+            assert "`--random depth`: component `depth` of" in capsys.readouterr().err
+            export += ["--random", "segmentation"]
+        assert main(export) == 0
+        assert evaluate(dataset, "--csv", str(tmp_path / f"{name}.csv"), model=model) == 0
+    assert read_metadata(tmp_path / "unet.onnx")["nunet.trained"] == "true"
+    assert read_metadata(tmp_path / "random.onnx")["nunet.trained"] == "false"
+    code, text = report(tmp_path, f"{tmp_path}/unet.csv", f"{tmp_path}/random.csv")
+    assert code == 0
+    assert len([line for line in text.splitlines() if line.startswith("| unet | random |")]) == 4

@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from nunet_models.errors import ConfigError, with_hint
@@ -50,6 +51,14 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
         "--depth-range",
         metavar="NEAR,FAR",
         help="with `--checkpoint`: range of valid depth in meters; depth outside counts as none",
+    )
+    parser.add_argument(
+        "--random",
+        action="append",
+        default=[],
+        metavar="COMPONENT",
+        help="with `--checkpoint`: export this component though its weights are random, for an "
+        "experiment; the file counts as untrained",
     )
     parser.set_defaults(carry_out=run)
 
@@ -134,7 +143,7 @@ def _checkpoint(options: argparse.Namespace) -> Checkpoint:
 
 def _trained(options: argparse.Namespace) -> tuple[SerialGraph, Provenance]:
     checkpoint = _checkpoint(options)
-    _require_trained(checkpoint, options.checkpoint)
+    _require_trained(checkpoint, options.checkpoint, random=options.random)
     if checkpoint.spec.camera != NYU_CAMERA and not options.license:
         raise ConfigError(
             f"`{options.checkpoint}` was trained with another camera than NYU Depth V2's, whose "
@@ -160,12 +169,19 @@ def _trained(options: argparse.Namespace) -> tuple[SerialGraph, Provenance]:
         if checkpoint.history.get(component)
     }
     return checkpoint.graph(), Provenance(
-        trained=True, training=training, accuracy=accuracy, license_text=options.license
+        trained=not options.random,
+        training=training,
+        accuracy=accuracy,
+        license_text=options.license or DATA_LICENSE,
     )
 
 
-def _require_trained(checkpoint: Checkpoint, path: Path) -> None:
-    untrained = checkpoint.untrained_component()
+def _require_trained(checkpoint: Checkpoint, path: Path, *, random: Sequence[str]) -> None:
+    for name in random:
+        checkpoint.spec.component(name)  # an error lists the components
+        if checkpoint.history.get(name):
+            raise ConfigError(f"`--random {name}`: component `{name}` of `{path}` was trained")
+    untrained = checkpoint.untrained_component(besides=random)
     if untrained is None:
         return
     if checkpoint.settings.get(untrained):

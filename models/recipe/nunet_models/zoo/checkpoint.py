@@ -1,5 +1,6 @@
 """Checkpoints: written atomically; reading an incompatible one is an error."""
 
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
@@ -45,13 +46,14 @@ class Checkpoint:
         }
         return replace(self, weights=weights, progress=None)
 
-    def untrained_component(self) -> str | None:
+    def untrained_component(self, *, besides: Collection[str] = ()) -> str | None:
         """The first component that no validated epoch of any training has changed, if there is one.
 
         A component learns in its own training, and in that of a later one which left it unfrozen.
+        Those named by `besides` are not looked at.
         """
         names = self._names()
-        learned: set[str] = set()
+        learned = set(besides)
         for index, name in enumerate(names):
             if self.history.get(name):
                 unfrozen = self.settings.get(name, {}).get("unfrozen", False)
