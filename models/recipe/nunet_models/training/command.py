@@ -135,10 +135,21 @@ def _folder_feed(options: argparse.Namespace, spec: GraphSpec) -> FolderFeed:
     train, val = (open_cached(options, ids) for ids in (options.train_ids, options.val_ids))
     if options.intrinsics:
         require_shape(spec.camera, train)
-    return FolderFeed(train, val, _show(options))
+    feed = FolderFeed(train, val, _show(options), options.frames)
+    if options.frames > 1 and feed.images() < options.batch:
+        raise ConfigError(
+            f"`{options.train_ids}` has {feed.images()} windows of {options.frames} frames of one "
+            f"video; expected at least `--batch {options.batch}` of them",
+            hint="ids of one video differ in the number at their end alone, and are in order",
+        )
+    return feed
 
 
 def _sets_feed(options: argparse.Namespace) -> SetsFeed:
+    if options.frames > 1:
+        raise OptionError(
+            f"`--frames {options.frames}` is for the frames of `--data`, not for `--sets`"
+        )
     train, val = open_dataset_list(options.sets)
     images = len(train) if options.epoch_images is None else options.epoch_images
     if images < options.batch:

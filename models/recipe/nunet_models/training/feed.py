@@ -9,6 +9,7 @@ import numpy as np
 
 from nunet_models.data.batches import Batch, epoch_batches
 from nunet_models.data.cache import Cached
+from nunet_models.data.sequences import sequence_batches, window_starts
 from nunet_models.data.sets.draw import Shapes
 from nunet_models.data.sets.mixture import Mixture, mixed_batches
 from nunet_models.errors import OptionError
@@ -56,15 +57,21 @@ class Feed(Protocol):
 
 @dataclass
 class FolderFeed:
-    """Decoded images of one camera; `show` holds the image whose prediction is kept."""
+    """Decoded images of one camera; `show` holds the image whose prediction is kept.
+
+    With `frames` above 1 the images are frames of videos, and an epoch has windows of so many.
+    """
 
     train: Cached
     val: Cached
     show: Cached | None = None
+    frames: int = 1
 
     def images(self) -> int:
-        """Images of an epoch."""
-        return len(self.train)
+        """Images of an epoch, or windows of several frames."""
+        return (
+            len(window_starts(self.train.ids, self.frames)) if self.frames > 1 else len(self.train)
+        )
 
     def has(self, what: str) -> dict[str, bool]:
         """Whether the data have "labels" or "depth"."""
@@ -77,16 +84,18 @@ class FolderFeed:
         """Batches of an epoch from batch `first` on."""
         if settings.patch != 1.0:
             raise OptionError(f"`--patch {settings.patch}` is for `--sets`")
-        return epoch_batches(
-            self.train,
-            AUGMENTATIONS[settings.augmentation],
-            size=graph.spec.inner_size,
-            batch=settings.batch,
-            seed=settings.seed,
-            epoch=epoch,
-            first=first,
-            workers=settings.workers,
-        )
+        how = {
+            "size": graph.spec.inner_size,
+            "batch": settings.batch,
+            "seed": settings.seed,
+            "epoch": epoch,
+            "first": first,
+            "workers": settings.workers,
+        }
+        augmentation = AUGMENTATIONS[settings.augmentation]
+        if self.frames > 1:
+            return sequence_batches(self.train, augmentation, frames=self.frames, **how)
+        return epoch_batches(self.train, augmentation, **how)
 
     def label_counts(self) -> np.ndarray:
         """How many pixels have each label, of some of the images."""

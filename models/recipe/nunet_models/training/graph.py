@@ -95,13 +95,7 @@ def _graph_spec(options: argparse.Namespace, before: Checkpoint | None) -> Graph
         return replace(spec, confidence=True)
     if options.component not in [c.name for c in spec.components]:
         raise ConfigError(f"components are {', '.join(c.name for c in spec.components)}")
-    if spec.component(options.component).memory:
-        raise OptionError(
-            f"`--component {options.component}` of `{spec.architecture}` is recurrent; this recipe "
-            "does not train over sequences yet, and single images leave the weights that read "
-            "the state as they began",
-            hint="`--architecture wnet_c` is the same network without one",
-        )
+    _check_frames(options, spec)
     if options.drop_path and not (options.folder / Trainer.LAST).exists():
         # (a run to resume may be of a version that took it for any backbone)
         check_drop_path(spec.component(options.component).backbone)
@@ -112,6 +106,24 @@ def _graph_spec(options: argparse.Namespace, before: Checkpoint | None) -> Graph
         for c in spec.components
     )
     return replace(spec, components=components)
+
+
+def _check_frames(options: argparse.Namespace, spec: GraphSpec) -> None:
+    """Refuse single images for a recurrent component, and windows for one without a state."""
+    recurrent = spec.component(options.component).memory > 0
+    if recurrent and options.frames == 1:
+        raise OptionError(
+            f"`--component {options.component}` of `{spec.architecture}` is recurrent; single "
+            "images leave the weights that read the state as they began",
+            hint="`--frames 8` trains on 8 consecutive frames; `--architecture wnet_c` is the same "
+            "network without a state",
+        )
+    if options.frames > 1 and not recurrent:
+        raise OptionError(
+            f"`--frames {options.frames}`: `--component {options.component}` of "
+            f"`{spec.architecture}` has no state to carry from frame to frame",
+            hint="`--architecture wnet_c_lstm` has one",
+        )
 
 
 def build_graph(options: argparse.Namespace) -> tuple[SerialGraph, Checkpoint]:

@@ -72,7 +72,7 @@ class ComponentObjective:
                 if outputs and self.settings.joint_noise:
                     outputs[-1] = self._disturbed(outputs[-1])
             for module in trained:
-                outputs.append(module(self.graph.joint(image, outputs)))
+                outputs.append(self._raw(module, self.graph.joint(image, outputs)))
         if self.segments:
             return self._label_loss(outputs[-1], batch)
         spec = self.graph.spec
@@ -87,6 +87,12 @@ class ComponentObjective:
                 if component.task == "segmentation":
                     loss = loss + self.settings.label_loss * self._label_loss(logits, batch)
         return loss
+
+    def _raw(self, module: nn.Module, x: torch.Tensor) -> torch.Tensor:
+        """Raw numbers of a component; with `frames` above 1, a recurrent one carries its state."""
+        if self.settings.frames > 1 and module.spec.memory:
+            return module.over_frames(x, self.settings.frames)
+        return module(x)
 
     def _label_loss(self, logits: torch.Tensor, batch: Batch) -> torch.Tensor:
         return cross_entropy(

@@ -30,6 +30,7 @@ _SEEDS = 2**64  # what torch takes
 _NUMBERS = {
     "epochs": ("at least 1", lambda n: n >= 1),
     "batch": ("at least 1", lambda n: n >= 1),
+    "frames": ("at least 1", lambda n: n >= 1),
     "threads": ("at least 1", lambda n: n >= 1),
     "workers": ("0 or more", lambda n: n >= 0),
     "validate_every": ("at least 1", lambda n: n >= 1),
@@ -66,6 +67,9 @@ class Settings:
     their own; with 0 the training does it itself, which is quicker where augmentation is little
     work: forking splits the parent's huge pages.
 
+    `frames` is how many consecutive frames of a video a recurrent component learns from at once;
+    `batch` then counts such windows.
+
     `patch` trains on parts of the views of `--sets`, of this share of each side: pixels are as
     large as in the whole view, so that the weights fit, and a step takes less time.
 
@@ -79,6 +83,7 @@ class Settings:
     component: str
     epochs: int
     batch: int = 8
+    frames: int = 1
     lr: float = 1e-3
     encoder_lr: float = 1.0
     weight_decay: float = 2e-2

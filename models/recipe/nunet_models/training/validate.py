@@ -1,6 +1,6 @@
 """Metrics of a graph on a validation set while it trains."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import torch
@@ -9,6 +9,7 @@ import torch.nn.functional as F
 from nunet_models.data.augment import NO_AUGMENTATION
 from nunet_models.data.batches import epoch_batches
 from nunet_models.data.cache import Cached
+from nunet_models.data.sequences import video_of
 from nunet_models.errors import ConfigError
 from nunet_models.evaluation.compare import Comparison
 from nunet_models.evaluation.protocol import EIGEN, FULL
@@ -57,9 +58,12 @@ def predictions(
     """The prediction of component `component` for each image in order, `[H, W]` at its own size.
 
     Labels uint8, or depth float32 in the graph's encoding, as the model file gives them; then the
-    confidence uint8, None for other components than the last and for a graph without one.
+    confidence uint8, None for other components than the last and for a graph without one. A
+    recurrent component carries its state from frame to frame of a video.
     """
     spec = graph.spec
+    if spec.components[component].memory:
+        batch = 1
     size = tuple(data.depth.shape[1:])
     segments = spec.components[component].task == "segmentation"
     certain = graph.confidence is not None and component == len(graph.components) - 1
@@ -73,15 +77,38 @@ def predictions(
         shuffle=False,
         workers=workers,
     )
+    stream = _Stream(graph, component, data.ids)
     for samples in batches:
         image = normalize(samples.rgb).contiguous(memory_format=torch.channels_last)
         with torch.no_grad(), torch.autocast("cpu", torch.bfloat16, enabled=bf16):
-            raw, log_error = run_components(graph, image, component)
+            raw, log_error = stream(image)
         images = _at_size(raw.float(), spec, size, segments=segments)
         if not certain:
             yield from ((image, None) for image in images)
         else:
             yield from zip(images, confidence_bytes(log_error, size).numpy(), strict=True)
+
+
+class _Stream:
+    """Component `component` over the images of `ids` in order.
+
+    A recurrent one gets one image at a time, and its state starts with each video.
+    """
+
+    def __init__(self, graph: SerialGraph, component: int, ids: Sequence[str]) -> None:
+        self.graph, self.component = graph, component
+        self.recurrent = graph.spec.components[component].memory > 0
+        self.videos, self.video = iter(map(video_of, ids)), None
+
+    def __call__(self, image: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor | None]:
+        """Raw numbers, and the confidence head's (see `run_components`)."""
+        if not self.recurrent:
+            return run_components(self.graph, image, self.component)
+        video = next(self.videos)
+        if video != self.video:
+            self.video, self.state = video, self.graph.components[self.component].no_state()
+        outputs, self.state = self.graph.with_state(image, self.state)
+        return outputs[-1], None
 
 
 def run_components(

@@ -85,6 +85,18 @@ class Component(nn.Module):
         maps[-1], *state = self.memory(maps[-1], *state)
         return self._decoded(maps), tuple(state)
 
+    def over_frames(self, x: torch.Tensor, frames: int) -> torch.Tensor:
+        """Raw numbers of the frames of several videos, each from no state on.
+
+        `x` is `[frames * B, in, h, w]`: the first frame of every video, then the second ones.
+        """
+        state = self.no_state(len(x) // frames)
+        raw = []
+        for frame in x.chunk(frames):
+            answer, state = self.with_state(frame, state)
+            raw.append(answer)
+        return torch.cat(raw)
+
     def no_state(self, batch: int = 1) -> State:
         """The state before the first image: zeros."""
         shape = (batch, self.spec.memory, *self.bottleneck)

@@ -64,20 +64,20 @@ def like_component(component: Component, earlier: Component) -> None:
 def begin_with(component: Component, weights: dict[str, torch.Tensor]) -> None:
     """Start `component` from one of another graph, head included; the image's channels come first.
 
-    Channels that only `component` has start at zero; those that only the other had are dropped.
+    Channels that only `component` has start at zero; those that only the other had are dropped. A
+    state that only `component` has starts as an untrained one, which changes nothing.
 
     # Errors
     `ConfigError` when the weights are of another backbone or decoder.
     """
-    component.load_weights(
-        {
-            name: _widened(
-                their[:, : mine.shape[1]] if their.dim() == 4 else their, mine.shape, name
-            )
-            for name, mine in component.state_dict().items()
-            if (their := weights.get(name)) is not None
-        }
-    )
+    ours = component.state_dict()
+    begun = {
+        name: _widened(their[:, : mine.shape[1]] if their.dim() == 4 else their, mine.shape, name)
+        for name, mine in ours.items()
+        if (their := weights.get(name)) is not None
+    }
+    state = {name: mine for name, mine in ours.items() if name.startswith("memory.")}
+    component.load_weights({**state, **begun})
 
 
 def _widened(their: torch.Tensor, shape: torch.Size, name: str) -> torch.Tensor:
