@@ -21,15 +21,15 @@ LOOK_AHEAD_M = 2.0
 UNSEEN_PERCENT = 5.0
 
 
-def judge(cloud: nunet.Cloud, class_names: Sequence[str], camera: nunet.Camera) -> str:
-    """Cut the corridor out of the cloud and find the nearest point that is not ground."""
+def describe(cloud: nunet.Cloud, class_names: Sequence[str], camera: nunet.Camera) -> str:
+    """Find the nearest point of the cloud in the corridor that is not ground."""
     x, y, z = np.moveaxis(cloud.points, -1, 0)  # meters: right, down, forward
     row, column = np.indices(z.shape)
     right, down = LOOK_AHEAD_M * (column - camera.cx) / camera.fx, LOOK_AHEAD_M * (row - camera.cy) / camera.fy
-    looks = (np.abs(right) < HALF_WIDTH_M) & (down > TOP_M) & (down < BOTTOM_M)
-    unseen = np.count_nonzero(looks & np.isnan(z))
-    if unseen >= max(1, UNSEEN_PERCENT / 100 * np.count_nonzero(looks)) or not looks.any():
-        return f"unknown: {unseen} of {np.count_nonzero(looks)} pixels have no depth"
+    in_corridor = (np.abs(right) < HALF_WIDTH_M) & (down > TOP_M) & (down < BOTTOM_M)
+    unseen = np.count_nonzero(in_corridor & np.isnan(z))
+    if unseen >= max(1, UNSEEN_PERCENT / 100 * np.count_nonzero(in_corridor)) or not in_corridor.any():
+        return f"unknown: {unseen} of {np.count_nonzero(in_corridor)} pixels have no depth"
 
     ground = [index for index, name in enumerate(class_names) if name in GROUND]
     # Comparisons with NaN are false, so the few pixels without depth are ignored.
@@ -48,7 +48,7 @@ def main(image: Path) -> None:
     camera = nunet.Camera(fx=518.9, fy=519.5, cx=325.6, cy=253.7, size=(640, 480))
     result = model.infer(image, camera=camera)
     rows, columns = result.depth.shape
-    print(judge(result.cloud(), result.class_names, camera.at_size(columns, rows)))
+    print(describe(result.cloud(), result.class_names, camera.at_size(columns, rows)))
 
 
 if __name__ == "__main__":

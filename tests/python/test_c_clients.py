@@ -1,4 +1,4 @@
-"""C and C++ programs, compiled as a user would, against a living daemon."""
+"""C and C++ programs, compiled as a user would, with a running nunetd."""
 
 import ctypes
 import itertools
@@ -16,7 +16,7 @@ ROOT = pathlib.Path(__file__).parents[2]
 INCLUDE = ROOT / "crates" / "nunet-c" / "include"
 PROGRAMS = ROOT / "tests" / "c"
 COUNTER = itertools.count()
-# What Rust's standard library needs of the system: `cargo rustc -p nunet-c -- --print native-static-libs`.
+# The system libraries that Rust's standard library needs: `cargo rustc -p nunet-c -- --print native-static-libs`.
 SYSTEM = ["-lpthread", "-ldl", "-lm", "-lrt", "-lutil"]
 C = [os.environ.get("CC", "cc"), "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic"]
 CXX = [os.environ.get("CXX", "c++"), "-std=c++17", "-Wall", "-Wextra", "-Werror", "-pedantic"]
@@ -117,12 +117,12 @@ def test_c_sees_what_another_reader_sees(build, contract, camera):
             for topic, number in topics.items():
                 header, payload = readers[topic].next()
                 seen[header.sequence, number] = (bytes(header), payload)
-        said, complaints = dump.communicate(timeout=180)
-    assert dump.returncode == 0, complaints
-    lines = said.splitlines()
+        stdout, stderr = dump.communicate(timeout=180)
+    assert dump.returncode == 0, stderr
+    lines = stdout.splitlines()
     dumped = {(int(sequence), int(topic)): hashes for sequence, topic, *hashes in map(str.split, lines[:-1])}
     assert len(dumped) == 180
-    # A frame more or less is enough; a cloud is large for a hash in Python.
+    # A few frames are enough, because hashing a cloud in Python is slow.
     for number in topics.values():
         shared = [key for key in sorted(dumped.keys() & seen.keys()) if key[1] == number][:2]
         assert shared, (sorted(dumped), sorted(seen))
@@ -184,8 +184,8 @@ def test_a_reader_and_its_frame_survive_the_daemon(build, nunetd):
         print("go", file=client.stdin, flush=True)
         assert client.stdout.readline() == "alone\n"
         with running(command):
-            said = client.communicate("go\n", timeout=120)[0]
-    assert said == "done\n" and client.returncode == 0
+            stdout = client.communicate("go\n", timeout=120)[0]
+    assert stdout == "done\n" and client.returncode == 0
 
 
 def test_another_contract_is_refused_by_name(build):
@@ -227,15 +227,15 @@ def test_a_daemon_takes_every_encoding_as_c_lays_it(build, nunetd, contract, enc
 
 @pytest.fixture(scope="session")
 def installed(library, tmp_path_factory):
-    """A prefix in which `install.sh` put everything."""
+    """The prefix into which `install.sh` installed."""
     prefix = tmp_path_factory.mktemp("prefix")
     run(ROOT / "crates" / "nunet-c" / "install.sh", library, prefix)
     return prefix
 
 
 def test_the_shared_library_has_a_versioned_soname(installed):
-    said = run("readelf", "-d", installed / "lib" / "libnunet.so")
-    assert "Library soname: [libnunet.so.0]" in said
+    stdout = run("readelf", "-d", installed / "lib" / "libnunet.so")
+    assert "Library soname: [libnunet.so.0]" in stdout
     assert (installed / "lib" / "libnunet.so.0").resolve().name == "libnunet.so.0.1.0"
 
 

@@ -1,8 +1,8 @@
-"""Files of every kind, cut off anywhere and damaged, go through the real `nunetd` under a limit of memory and time.
+"""Truncated and damaged files of every kind, read by the real `nunetd` under limits of memory and time.
 
-It ends with an exit code and a word about what is wrong, never with a signal, never late, never with all the memory.
+It must exit with a code and an error message, never by a signal, and within both limits.
 `NUNET_SWEEP=1000 NUNETD=target/release/nunetd python -m pytest -s tests/python/test_hostile.py` tries a thousand copies
-of each kind and prints what became of them.
+of each kind and prints how these runs ended.
 """
 
 import collections
@@ -112,11 +112,11 @@ class Bench:
         Image.fromarray(image(1)[:120, :160]).save(folder / "good.png")
         for path in MODEL.parent.glob(f"{MODEL.stem}.*onnx"):
             shutil.copy(path, folder)
-        # A foreign network: the same file without the key that says what it is.
+        # A foreign network: the same file without the key that marks nunet's files.
         (folder / "foreign.onnx").write_bytes(MODEL.read_bytes().replace(b"nunet.version", b"xunet.version"))
 
     def command(self, kind, data):
-        """What reads such a file, with the file in its place; and stdin."""
+        """Writes the file, and returns the arguments of nunetd that read it."""
         path = self.folder / {
             "config": "a.toml",
             "calibration": "a.yaml",
@@ -126,7 +126,7 @@ class Bench:
         }.get(kind, f"a.{kind.split('_')[0]}")
         if kind != "y4m":
             path.write_bytes(data)
-        # What an earlier copy gave is no result of this one.
+        # A result of an earlier copy must not count for this one.
         (self.folder / "out.mcap").unlink(missing_ok=True)
         infer = ["infer", str(self.folder / "good.png"), "--out", str(self.folder / "out"), *ONCE]
         model = ["--model", str(MODEL)]
@@ -146,20 +146,20 @@ class Bench:
     def try_one(self, kind, data):
         """Exit code (negative for a signal), stderr, and the most memory that was in use, bytes."""
         command = [self.nunetd, *self.command(kind, data)]
-        with (self.folder / "said").open("w+b") as said, (self.folder / "stdin").open("w+b") as given:
+        with (self.folder / "stderr").open("w+b") as stderr, (self.folder / "stdin").open("w+b") as given:
             given.write(data if kind == "y4m" else b"")
             given.seek(0)
             process = subprocess.Popen(
                 command,
                 stdin=given,
                 stdout=subprocess.DEVNULL,
-                stderr=said,
+                stderr=stderr,
                 env=self.environment,
                 preexec_fn=limited,
             )
             status, usage = wait(process)
-            said.seek(0)
-            return os.waitstatus_to_exitcode(status), said.read().decode(errors="replace"), usage.ru_maxrss << 10
+            stderr.seek(0)
+            return os.waitstatus_to_exitcode(status), stderr.read().decode(errors="replace"), usage.ru_maxrss << 10
 
 
 def runtime_library():
@@ -169,13 +169,13 @@ def runtime_library():
 
 
 def limited():
-    """The soft limit alone: the child that tests a model has a limit of its own."""
+    """Sets the soft limits only, because the child process of the model check sets its own."""
     resource.setrlimit(resource.RLIMIT_AS, (ADDRESS_SPACE, resource.RLIM_INFINITY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
 def wait(process):
-    """Waits for the end as `wait4` tells it; what does not end is killed, which counts as a signal."""
+    """Waits with `wait4`, which returns the memory too. A process that does not end is killed, by a signal."""
     deadline = time.monotonic() + TIMEOUT_S
     while True:
         pid, status, usage = os.wait4(process.pid, os.WNOHANG)
@@ -194,7 +194,7 @@ def damaged(whole, seed):
     if seed % 2 == 0:
         return whole[: chance.randrange(len(whole))]
     data = bytearray(whole)
-    # Headers and indices lie at both ends; what lies between is mostly pixels or weights.
+    # Headers and indices are at both ends; the rest is mostly pixels or weights.
     for _ in range(chance.randint(1, 4)):
         span = chance.choice([len(data), min(len(data), 512)])
         at = chance.randrange(span) if chance.random() < 0.7 else len(data) - 1 - chance.randrange(span)
@@ -212,17 +212,17 @@ def damaged(whole, seed):
     return bytes(data)
 
 
-def problems_of(kind, code, said, peak):
-    """What is wrong with how a run ended."""
+def problems_of(kind, code, stderr, peak):
+    """Problems of how a run ended."""
     allowed = {0, 1, 2, 3} if kind in {"config", "calibration"} else {0, 1, 3}
     if code not in allowed:
         yield f"exit code {code}"
-    if "panicked" in said:
+    if "panicked" in stderr:
         yield "a panic"
-    if code == 1 and not said.startswith("error: ") and "\nerror: " not in said:
+    if code == 1 and not stderr.startswith("error: ") and "\nerror: " not in stderr:
         yield "no word about what is wrong"
-    if len(said) > 20_000:
-        yield f"{len(said)} bytes of words"
+    if len(stderr) > 20_000:
+        yield f"{len(stderr)} bytes of messages"
     if peak > PEAK_BYTES:
         yield f"{peak >> 20} MB"
 
@@ -231,14 +231,14 @@ def run_damaged(nunetd, folder, kind, whole):
     """Tries all copies of one kind; how they ended, the most memory, and what is wrong."""
     bench = Bench(nunetd, folder / kind)
     codes, most, problems = collections.Counter(), 0, []
-    code, said, _ = bench.try_one(kind, whole)
-    assert code == 0, f"the good {kind}: {said}"
+    code, stderr, _ = bench.try_one(kind, whole)
+    assert code == 0, f"the good {kind}: {stderr}"
     for seed in range(COPIES):
-        code, said, peak = bench.try_one(kind, damaged(whole, seed))
+        code, stderr, peak = bench.try_one(kind, damaged(whole, seed))
         codes[code] += 1
         most = max(most, peak)
-        found = problems_of(kind, code, said, peak)
-        problems += [f"{kind}, seed {seed}: {what}\n{said[:1000]}" for what in found]
+        found = problems_of(kind, code, stderr, peak)
+        problems += [f"{kind}, seed {seed}: {what}\n{stderr[:1000]}" for what in found]
     return kind, dict(sorted(codes.items())), most, problems
 
 
@@ -260,13 +260,13 @@ def test_a_cut_recording_gives_every_image_before_the_cut(nunetd, good, tmp_path
         whole = good[kind]
         for _ in range(max(2, COPIES // 4)):
             data = whole[: chance.randrange(len(whole))]
-            code, said, _ = bench.try_one(kind, data)
+            code, stderr, _ = bench.try_one(kind, data)
             expected = images(io.BytesIO(data))
             found = 0
             if code in {0, 3} and (bench.folder / "out.mcap").exists():
                 with (bench.folder / "out.mcap").open("rb") as file:
                     found = images(file, "/camera/depth/image_raw")
-            assert found >= expected, f"{kind} cut to {len(data)} of {len(whole)} bytes: {said}"
+            assert found >= expected, f"{kind} cut to {len(data)} of {len(whole)} bytes: {stderr}"
 
 
 def images(file, topic=None):
@@ -306,7 +306,7 @@ def test_small_files_that_ask_for_much_memory_do_not_get_it(nunetd, tmp_path):
         "manifest": b"a" * (1 << 20),
     }
     for kind, data in greedy.items():
-        code, said, peak = bench.try_one(kind, data)
-        assert not list(problems_of(kind, code, said, peak)), f"{kind}: {code}, {peak >> 20} MB\n{said[:2000]}"
+        code, stderr, peak = bench.try_one(kind, data)
+        assert not list(problems_of(kind, code, stderr, peak)), f"{kind}: {code}, {peak >> 20} MB\n{stderr[:2000]}"
         assert code != 0 or kind == "mcap_bomb", kind
         assert peak < 700 << 20, f"{kind}: {peak >> 20} MB for {len(data)} bytes"

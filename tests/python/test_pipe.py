@@ -1,4 +1,4 @@
-"""Images on stdin: what `ffmpeg` writes, where it is installed, and what we write by hand as it would."""
+"""Images on stdin: those that `ffmpeg` writes, if it is installed, and the same formats written by this test."""
 
 import io
 import json
@@ -35,22 +35,22 @@ def run(nunetd, tmp_path, given, *more):
 
 
 def test_every_image_of_a_y4m_stream_is_taken(nunetd, tmp_path):
-    code, said, stats = run(nunetd, tmp_path, y4m(), "--out", str(tmp_path / "out"))
-    assert code == 0, said
+    code, stderr, stats = run(nunetd, tmp_path, y4m(), "--out", str(tmp_path / "out"))
+    assert code == 0, stderr
     assert (stats["frames"]["captured"], stats["frames"]["published"]) == (FRAMES, FRAMES)
     assert np.isfinite(np.load(tmp_path / "out" / "depth.npy")).any()
 
 
 def test_raw_images_need_a_size_and_a_format(nunetd, tmp_path):
     raw = bytes(3 * SIZE[0] * SIZE[1] * 4)
-    code, said, stats = run(nunetd, tmp_path, raw, "--size", "64x48", "--format", "rgb8")
-    assert (code, stats["frames"]["published"]) == (0, 4), said
-    code, said, _ = run(nunetd, tmp_path, raw, "--size", "64x48")
-    assert code == 2 and "a size without a format" in said
+    code, stderr, stats = run(nunetd, tmp_path, raw, "--size", "64x48", "--format", "rgb8")
+    assert (code, stats["frames"]["published"]) == (0, 4), stderr
+    code, stderr, _ = run(nunetd, tmp_path, raw, "--size", "64x48")
+    assert code == 2 and "a size without a format" in stderr
 
 
 def jpegs():
-    """As many JPEGs, each one gray."""
+    """JPEGs one after the other, each of one gray."""
     file = io.BytesIO()
     for index in range(FRAMES):
         Image.new("RGB", SIZE, (20 * index,) * 3).save(file, "JPEG")
@@ -58,22 +58,22 @@ def jpegs():
 
 
 def test_every_jpeg_of_a_stream_is_taken(nunetd, tmp_path):
-    code, said, stats = run(nunetd, tmp_path, jpegs())
-    assert (code, stats["frames"]["published"]) == (0, FRAMES), said
+    code, stderr, stats = run(nunetd, tmp_path, jpegs())
+    assert (code, stats["frames"]["published"]) == (0, FRAMES), stderr
 
 
 @pytest.mark.parametrize("stream", [y4m(), jpegs()], ids=["y4m", "jpegs"])
 def test_a_command_is_a_camera_and_is_started_again(nunetd, tmp_path, stream):
     (tmp_path / "stream").write_bytes(stream)
     source = ["--source", f"exec:echo end of file >&2; cat {tmp_path / 'stream'}", "--frames", str(FRAMES + 4)]
-    code, said, stats = run(nunetd, tmp_path, b"", *source)
-    assert code == 0 and stats["frames"]["captured"] >= FRAMES + 4, said
-    assert "it ended with exit code 0: end of file" in said
+    code, stderr, stats = run(nunetd, tmp_path, b"", *source)
+    assert code == 0 and stats["frames"]["captured"] >= FRAMES + 4, stderr
+    assert "it ended with exit code 0: end of file" in stderr
 
 
 def test_a_command_that_cannot_be_run_is_an_error_with_the_reason(nunetd, tmp_path):
-    code, said, _ = run(nunetd, tmp_path, b"", "--source", "exec:/nonexistent/program -o -")
-    assert code == 1 and "cannot run command `/nonexistent/program -o -`" in said and "hint: " in said, said
+    code, stderr, _ = run(nunetd, tmp_path, b"", "--source", "exec:/nonexistent/program -o -")
+    assert code == 1 and "cannot run command `/nonexistent/program -o -`" in stderr and "hint: " in stderr, stderr
 
 
 @pytest.mark.parametrize(
@@ -88,8 +88,8 @@ def test_a_command_that_cannot_be_run_is_an_error_with_the_reason(nunetd, tmp_pa
     ],
 )
 def test_a_bad_stream_is_an_error_with_the_reason(nunetd, tmp_path, given, code, part):
-    got, said, _ = run(nunetd, tmp_path, given)
-    assert got == code and part in said, said
+    got, stderr, _ = run(nunetd, tmp_path, given)
+    assert got == code and part in stderr, stderr
 
 
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed; the stream by hand is tried above")
@@ -98,5 +98,5 @@ def test_ffmpeg_pipes_a_video_in(nunetd, tmp_path, pixels):
     source = ["-f", "lavfi", "-i", "testsrc2=size=322x241:rate=30", "-frames:v", "15", "-pix_fmt", pixels]
     ffmpeg = ["ffmpeg", "-loglevel", "error", *source, "-f", "yuv4mpegpipe", "-"]
     video = subprocess.run(ffmpeg, check=True, capture_output=True, timeout=60).stdout
-    code, said, stats = run(nunetd, tmp_path, video)
-    assert (code, stats["frames"]["published"]) == (0, 15), said
+    code, stderr, stats = run(nunetd, tmp_path, video)
+    assert (code, stats["frames"]["published"]) == (0, 15), stderr

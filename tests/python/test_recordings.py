@@ -1,5 +1,6 @@
 """Recordings made by `rosbags` are replayed, and what nunetd writes is read by `mcap`, `mcap-ros2-support` and
-`rosbags`: none of it our own code."""
+`rosbags`, none of which
+is part of nunet."""
 
 import contextlib
 import io
@@ -61,7 +62,7 @@ def camera_info(nanos):
 
 
 def image(index):
-    """Noise in large cells, another one each frame, so that the network has something to say."""
+    """Noise in large cells, another one each frame, so that depth differs between frames."""
     cells = np.random.default_rng(index).integers(0, 256, (SIZE[1] // 32, SIZE[0] // 32, 3), np.uint8)
     return cells.repeat(32, 0).repeat(32, 1)
 
@@ -109,7 +110,7 @@ def make_bag(folder, form, *, images=None, info=True):
 
 
 def replay(nunetd, given, out, *more, code=0):
-    """Replays and returns what is said on stdout and on stderr."""
+    """Replays; returns stdout and stderr."""
     command = [nunetd, "replay", str(given), str(out), *ONCE, *more]
     done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=120)
     assert done.returncode == code, done.stderr
@@ -215,24 +216,27 @@ def test_rosbags_reads_the_same_numbers(replayed):
 
 def test_the_same_recording_gives_the_same_bytes(nunetd, tmp_path):
     bag = make_bag(tmp_path / "bag", "jpeg")
-    said = [replay(nunetd, bag, tmp_path / f"{index}.mcap")[0] for index in range(2)]
+    printed = [replay(nunetd, bag, tmp_path / f"{index}.mcap")[0] for index in range(2)]
     first = (tmp_path / "0.mcap").read_bytes()
     assert first == (tmp_path / "1.mcap").read_bytes()
-    assert said[0] == said[1] and f"{FRAMES} frames, 0 lost, results sha256 {sha256(first).hexdigest()}" in said[0]
+    assert (
+        printed[0] == printed[1]
+        and f"{FRAMES} frames, 0 lost, results sha256 {sha256(first).hexdigest()}" in printed[0]
+    )
 
 
 def test_all_encodings_of_an_image_give_the_same_depth(nunetd, tmp_path):
     hashes = set()
     for form in ("png", "rgb8", "bgr8", "bgra8"):
         bag = make_bag(tmp_path / form, form)
-        said, _ = replay(nunetd, bag, tmp_path / f"{form}.mcap", "--json")
-        hashes.add(json.loads(said)["depth_and_labels_sha256"])
+        stdout, _ = replay(nunetd, bag, tmp_path / f"{form}.mcap", "--json")
+        hashes.add(json.loads(stdout)["depth_and_labels_sha256"])
     assert len(hashes) == 1
 
 
 def test_our_own_recording_is_replayed_without_naming_its_topic(nunetd, replayed, tmp_path):
-    said, _ = replay(nunetd, replayed[0], tmp_path / "again.mcap")
-    assert said.startswith(f"{FRAMES} frames, 0 lost")
+    stdout, _ = replay(nunetd, replayed[0], tmp_path / "again.mcap")
+    assert stdout.startswith(f"{FRAMES} frames, 0 lost")
 
 
 def json_recording(path, *, schema_text=b"{}"):
@@ -261,7 +265,7 @@ def test_foxglove_images_in_json_are_read_also_without_a_schema_text(nunetd, tmp
 
 
 def test_eval_measures_a_recordings_own_depth(nunetd, replayed, tmp_path):
-    """The network against what it said itself: no error but the millimeters, and its own camera scales it."""
+    """The network against its own output: only whole millimeters differ, and its own camera scales it."""
     command = [nunetd, "-q", "eval", str(replayed[0]), *ONCE, "--json"]
     done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2, "its own depth is no truth"
@@ -282,8 +286,8 @@ def test_eval_measures_a_recordings_own_depth(nunetd, replayed, tmp_path):
             message = ros(name, header=header(nanos), format="png", data=data)
             bag.write(channel, nanos, STORE.serialize_cdr(message, name))
     replay(nunetd, next((tmp_path / "small").glob("*.mcap")), tmp_path / "truth.mcap", "--publish", "depth")
-    said = subprocess.run([*command[:3], str(tmp_path / "truth.mcap"), *command[4:]], check=True, capture_output=True)
-    found = json.loads(said.stdout)
+    ended = subprocess.run([*command[:3], str(tmp_path / "truth.mcap"), *command[4:]], check=True, capture_output=True)
+    found = json.loads(ended.stdout)
     assert (found["pictures"], found["skipped"], found["dataset"]) == (FRAMES, 0, "truth.mcap")
     assert found["metrics"]["rmse"] < 0.001
 
@@ -388,12 +392,12 @@ def test_a_recording_that_is_there_is_never_overwritten_without_force(nunetd, tm
     bag = make_bag(tmp_path / "bag", "png")
     out = tmp_path / "out.mcap"
     out.write_bytes(b"precious")
-    _, said = replay(nunetd, bag, out, code=2)
-    assert "already exists" in said and out.read_bytes() == b"precious"
-    assert "--force" in said
+    _, stderr = replay(nunetd, bag, out, code=2)
+    assert "already exists" in stderr and out.read_bytes() == b"precious"
+    assert "--force" in stderr
     replay(nunetd, bag, out, "--force")
-    _, said = replay(nunetd, bag, bag, "--force", code=2)
-    assert "is both the input and the output" in said
+    _, stderr = replay(nunetd, bag, bag, "--force", code=2)
+    assert "is both the input and the output" in stderr
 
 
 def test_a_recording_with_two_topics_of_images_is_asked_about(nunetd, tmp_path):
@@ -408,15 +412,15 @@ def test_a_recording_with_two_topics_of_images_is_asked_about(nunetd, tmp_path):
                 bag.write(channel, nanos, STORE.serialize_cdr(message, name))
     given = next((tmp_path / "bag").glob("*.mcap"))
     topics = "`/left/image_raw/compressed`, `/right/image_raw/compressed`"
-    _, said = replay(nunetd, given, tmp_path / "out.mcap", code=2)
-    assert f"has images on several topics: {topics}" in said and "hint: name one of the topics" in said
+    _, stderr = replay(nunetd, given, tmp_path / "out.mcap", code=2)
+    assert f"has images on several topics: {topics}" in stderr and "hint: name one of the topics" in stderr
     assert not (tmp_path / "out.mcap").exists()
     source = ["--source", str(given), "--camera", f"pytest-topics-{os.getpid()}"]
     done = subprocess.run([nunetd, *ONCE, *source], check=False, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2 and topics in done.stderr
     for topic, frames in [("/left/image_raw/compressed", 1), ("/right/image_raw/compressed", 2)]:
-        said, _ = replay(nunetd, given, tmp_path / "out.mcap", "--topic", topic, "--force")
-        assert said.startswith(f"{frames} frames, 0 lost")
+        stdout, _ = replay(nunetd, given, tmp_path / "out.mcap", "--topic", topic, "--force")
+        assert stdout.startswith(f"{frames} frames, 0 lost")
 
 
 def test_time_that_runs_backwards_in_a_recording_loses_no_image(nunetd, tmp_path):
@@ -428,8 +432,8 @@ def test_time_that_runs_backwards_in_a_recording_loses_no_image(nunetd, tmp_path
             message = ros(name, header=header(nanos), format="png", data=compressed(image(index), "png"))
             bag.write(channel, nanos, STORE.serialize_cdr(message, name))
     given = next((tmp_path / "bag").glob("*.mcap"))
-    said, _ = replay(nunetd, given, tmp_path / "out.mcap")
-    assert said.startswith(f"{FRAMES} frames, 0 lost")
+    stdout, _ = replay(nunetd, given, tmp_path / "out.mcap")
+    assert stdout.startswith(f"{FRAMES} frames, 0 lost")
     found = messages(tmp_path / "out.mcap")
     assert sorted(log for log, _ in found["/camera/depth/image_raw"]) == sorted(stamps)
     stats = tmp_path / "stats.json"
@@ -445,7 +449,7 @@ def test_a_read_only_folder_is_an_error_before_any_work(nunetd, tmp_path):
     bag = make_bag(tmp_path / "bag", "png")
     folder = tmp_path / "readonly"
     folder.mkdir(mode=0o555)
-    # Root may write everywhere, unless it lacks the right to pass over rights.
+    # Root may write everywhere, unless it lacks CAP_DAC_OVERRIDE.
     meek = ["setpriv", "--bounding-set", "-dac_override,-dac_read_search"] if os.geteuid() == 0 else []
     run = [*meek, nunetd, "-q", *ONCE, "--source", str(bag), "--camera", f"pytest-readonly-{os.getpid()}"]
     infer = [*meek, nunetd, "-q", "infer", "--out", str(folder / "out"), *ONCE]
@@ -488,14 +492,14 @@ def test_a_disk_that_fills_up_leaves_a_whole_file_and_never_stops_inference(nune
 
 
 def test_a_bad_recording_is_an_error_with_the_reason(nunetd, tmp_path):
-    def said(data, code):
+    def message_for(data, code):
         (tmp_path / "bad.mcap").write_bytes(data)
         return replay(nunetd, tmp_path / "bad.mcap", tmp_path / "out.mcap", "--force", code=code)[1]
 
-    assert "it is empty" in said(b"", 1)
-    assert "magic" in said(b"this is no recording at all, is it?", 1)
+    assert "it is empty" in message_for(b"", 1)
+    assert "magic" in message_for(b"this is no recording at all, is it?", 1)
     whole = make_bag(tmp_path / "bag", "png").read_bytes()
-    assert "nothing before the place where it is damaged or cut off" in said(whole[:8], 1)
+    assert "nothing before the place where it is damaged or cut off" in message_for(whole[:8], 1)
     flipped = bytearray(whole)
     flipped[len(whole) // 3] ^= 0xFF
     code = subprocess.run(

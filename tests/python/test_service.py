@@ -21,18 +21,18 @@ DIST = pathlib.Path(__file__).parents[2] / "dist"
 
 @pytest.fixture
 def manager(tmp_path):
-    """A service manager's ear, as systemd opens one."""
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as ear:
-        ear.bind(str(tmp_path / "notify"))
-        ear.settimeout(30)
-        yield ear, {"NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "400000"}
+    """The notification socket of a service manager, and the environment variables that name it."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
+        listener.bind(str(tmp_path / "notify"))
+        listener.settimeout(30)
+        yield listener, {"NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "400000"}
 
 
-def heard(ear, word):
-    """Whether `word` comes within the listener's timeout, and what came before it."""
+def wait_for(listener, word):
+    """Waits for a message with `word`, until the listener's timeout; returns the earlier messages."""
     before = []
     for _ in range(1000):
-        message = ear.recv(4096).decode()
+        message = listener.recv(4096).decode()
         if word in message:
             return before
         before.append(message)
@@ -40,28 +40,28 @@ def heard(ear, word):
 
 
 def test_ready_comes_after_the_selftest_and_frames_feed_the_watchdog(nunetd, manager):
-    ear, environment = manager
+    listener, environment = manager
     name = f"pytest-service-{os.getpid()}"
     command = [nunetd, "--model", str(MODEL), "--source", "demo", "--rate", "20", "--camera", name]
     with subprocess.Popen(command, env={**os.environ, **environment}, stderr=subprocess.PIPE, text=True) as daemon:
-        assert heard(ear, "READY=1") == []
+        assert wait_for(listener, "READY=1") == []
         for _ in range(3):
-            heard(ear, "WATCHDOG=1")
+            wait_for(listener, "WATCHDOG=1")
         daemon.send_signal(signal.SIGTERM)
-        heard(ear, "STOPPING=1")
-        said = daemon.communicate(timeout=30)[1]
-    assert "self-test passed" in said
+        wait_for(listener, "STOPPING=1")
+        stderr = daemon.communicate(timeout=30)[1]
+    assert "self-test passed" in stderr
     assert daemon.returncode == 0
 
 
 def test_a_camera_that_is_waited_for_feeds_the_watchdog(nunetd, manager):
-    ear, environment = manager
+    listener, environment = manager
     name = f"pytest-waited-{os.getpid()}"
     command = [nunetd, "-q", "--model", str(MODEL), "--source", f"shm:{name}-nobody", "--camera", name]
     with subprocess.Popen(command, env={**os.environ, **environment}) as daemon:
-        heard(ear, "READY=1")
+        wait_for(listener, "READY=1")
         for _ in range(3):
-            heard(ear, "WATCHDOG=1")
+            wait_for(listener, "WATCHDOG=1")
         daemon.terminate()
         assert daemon.wait(timeout=30) == 0
 
@@ -71,7 +71,7 @@ def silent_pipe(_):
 
 
 def damaged_images(folder):
-    # More than come in the test's time: a round without a good one would end the source.
+    # More than the test lasts: a round without a good image would end the source.
     (folder / "images").mkdir()
     for number in range(1000):
         (folder / "images" / f"{number:03}.png").write_bytes(b"no image")
@@ -80,14 +80,14 @@ def damaged_images(folder):
 
 @pytest.mark.parametrize("source", [silent_pipe, damaged_images])
 def test_a_source_that_hangs_and_frames_that_never_come_out_do_not_feed_the_watchdog(nunetd, manager, tmp_path, source):
-    ear, environment = manager
+    listener, environment = manager
     name = f"pytest-{source.__name__}-{os.getpid()}"
     command = [nunetd, "-q", "--model", str(MODEL), *source(tmp_path), "--camera", name]
     with subprocess.Popen(command, env={**os.environ, **environment}, stdin=subprocess.PIPE) as daemon:
-        heard(ear, "READY=1")
-        ear.settimeout(1.5)
+        wait_for(listener, "READY=1")
+        listener.settimeout(1.5)
         with pytest.raises(TimeoutError):
-            heard(ear, "WATCHDOG=1")
+            wait_for(listener, "WATCHDOG=1")
         assert daemon.poll() is None, "it ended by itself"
         daemon.terminate()
         daemon.wait(timeout=30)
@@ -95,12 +95,12 @@ def test_a_source_that_hangs_and_frames_that_never_come_out_do_not_feed_the_watc
 
 def test_the_example_configuration_is_accepted(nunetd):
     command = [nunetd, "config", "--config", str(DIST / "nunetd.toml")]
-    said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    assert 'source = "shm:front"\n' in said
-    # Every line that is commented out is one that would be accepted.
+    stdout = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    assert 'source = "shm:front"\n' in stdout
+    # Every setting that is commented out would be accepted.
     example = (DIST / "nunetd.toml").read_text().split("# [[camera]]")[0].splitlines()
     settings = [line[2:].split(" = ")[0] for line in example if line.startswith("# ") and " = " in line]
-    assert settings and all(f"# {name} is not set\n" in said for name in settings), settings
+    assert settings and all(f"# {name} is not set\n" in stdout for name in settings), settings
 
 
 def test_the_example_of_several_cameras_is_accepted(nunetd, tmp_path):
@@ -115,8 +115,8 @@ def test_the_example_of_several_cameras_is_accepted(nunetd, tmp_path):
     assert "/etc/nunet/front.yaml" in text
     path.write_text(text.replace("/etc/nunet/front.yaml", str(calibration)))
     command = [nunetd, "config", "--config", str(path)]
-    said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    assert said.count("[[camera]]") == 2 and 'name = "rear"' in said
+    stdout = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    assert stdout.count("[[camera]]") == 2 and 'name = "rear"' in stdout
 
 
 def test_the_unit_never_gives_a_camera_up():

@@ -66,10 +66,10 @@ def test_the_unit_is_rated_2_5_or_better():
     if shutil.which("systemd-analyze") is None:
         unavailable("systemd-analyze is not installed")
     command = ["systemd-analyze", "security", "--offline=true", "--no-pager", str(UNIT)]
-    said = subprocess.run(command, check=False, capture_output=True, text=True).stdout
-    rating = re.search(r"Overall exposure level for nunetd.service: ([0-9.]+)", said)
-    assert rating, said
-    assert float(rating[1]) <= MAX_EXPOSURE, said
+    report = subprocess.run(command, check=False, capture_output=True, text=True).stdout
+    rating = re.search(r"Overall exposure level for nunetd.service: ([0-9.]+)", report)
+    assert rating, report
+    assert float(rating[1]) <= MAX_EXPOSURE, report
 
 
 def adapted(unit):
@@ -114,9 +114,7 @@ def machine(tmp_path, nunetd):
 def test_nunetd_publishes_and_records_under_the_units_restrictions(machine):
     command = ["unshare", "--pid", "--fork", "--kill-child", "--mount", "--mount-proc", "--uts", "bash", "-c", BOOT]
     with (machine / "console").open("w") as console:
-        subprocess.run(
-            [*command, "boot", str(machine)], check=False, stdout=console, stderr=console, timeout=SECONDS
-        )
+        subprocess.run([*command, "boot", str(machine)], check=False, stdout=console, stderr=console, timeout=SECONDS)
     log = (machine / "console").read_text()[-3000:] + (machine / "log").read_text()
     frames = [json.loads(line) for line in (machine / "watch.json").read_text().splitlines()]
     assert len(frames) == 5, log

@@ -1,8 +1,7 @@
 //! Bounds: a function fits on a screen, and most are much shorter.
 
-use std::process::{Command, Stdio};
-
 use crate::assert_none;
+use crate::python_source;
 use crate::repository;
 use crate::rust_source::{functions, is_test_file};
 
@@ -20,30 +19,20 @@ pub(crate) struct Function {
     pub(crate) lines: usize,
 }
 
-/// Prints path, name, first line and number of lines of the functions in Python files, by Python's own parser. Docstrings
-/// do not count, as doc comments do not in Rust.
+/// Finds path, name, first line and number of lines of each function. Docstrings do not count, as doc comments do not in
+/// Rust.
 const PYTHON_FUNCTIONS: &str = "
-import ast, json, sys
-found = []
-for path, text in json.load(sys.stdin):
+for path, text in files:
     for node in ast.walk(ast.parse(text, path)):
         if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
             lines, first = node.end_lineno - node.lineno + 1, node.body[0]
             if ast.get_docstring(node) is not None:
                 lines -= first.end_lineno - first.lineno + 1
             found.append((path, node.name, node.lineno, lines))
-json.dump(found, sys.stdout)
 ";
 
 fn python_functions(files: &[(String, String)]) -> Vec<(String, Function)> {
-    let mut python = Command::new("python3");
-    python.args(["-c", PYTHON_FUNCTIONS]).stdin(Stdio::piped()).stdout(Stdio::piped());
-    let mut child = python.spawn().expect("these tests need python3");
-    serde_json::to_writer(child.stdin.take().expect("it is piped"), files).expect("python3 reads the files");
-    let output = child.wait_with_output().expect("python3 ends");
-    assert!(output.status.success(), "Python cannot parse the files");
-    let found: Vec<(String, String, usize, usize)> =
-        serde_json::from_slice(&output.stdout).expect("the script prints such a list");
+    let found: Vec<(String, String, usize, usize)> = python_source::run(PYTHON_FUNCTIONS, files);
     found.into_iter().map(|(path, name, line, lines)| (path, Function { name, line, lines })).collect()
 }
 

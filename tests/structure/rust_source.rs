@@ -18,9 +18,9 @@ pub(crate) struct NamedPath {
 
 /// A word or a sign, and its line.
 #[derive(Debug, Clone)]
-struct Token {
-    text: String,
-    line: usize,
+pub(crate) struct Token {
+    pub(crate) text: String,
+    pub(crate) line: usize,
 }
 
 /// The text with all tests blanked, wherever they are in the file; lines stay where they were.
@@ -214,7 +214,8 @@ fn quoted(text: &str) -> Option<usize> {
     Some(text.len())
 }
 
-fn tokens(code: &str) -> Vec<Token> {
+/// The words and signs of code without comments and literals.
+pub(crate) fn tokens(code: &str) -> Vec<Token> {
     let mut tokens = Vec::new();
     for (index, line) in code.lines().enumerate() {
         let mut rest = line.trim_start();

@@ -108,10 +108,10 @@ fn try_out(folder: &Path) -> Result<()> {
     run(install.arg("--find-links").arg(folder))?;
     let mut trial = Command::new(&python);
     trial.args(["-c", TRIAL]).current_dir(&target);
-    let said = output(&mut trial).context("the installed package does not work")?;
+    let imported = output(&mut trial).context("the installed package does not work")?;
     let mut command = Command::new(python.with_file_name("nunetd"));
     let version = output(command.arg("--version").current_dir(&target))?;
-    say(&format!("wheel: tried in a new environment: {}, {}", said.trim(), version.trim()));
+    say(&format!("wheel: tried in a new environment: {}, {}", imported.trim(), version.trim()));
     Ok(())
 }
 

@@ -164,9 +164,9 @@ public:
 
 private:
   template <typename T>
-  View<T> view(nunet_status_t (*look)(const nunet_frame_t *, T **, std::uint32_t *, std::uint32_t *)) const {
+  View<T> view(nunet_status_t (*get)(const nunet_frame_t *, T **, std::uint32_t *, std::uint32_t *)) const {
     View<T> view;
-    check(look(handle_.get(), &view.data, &view.width, &view.height));
+    check(get(handle_.get(), &view.data, &view.width, &view.height));
     return view;
   }
 

@@ -6,6 +6,7 @@ use std::mem::MaybeUninit;
 use std::time::Duration;
 
 use nunet_ipc::{CameraName, Topic};
+use nunet_types::printable;
 
 use crate::status::Failure;
 
@@ -42,7 +43,7 @@ pub(crate) unsafe fn text<'a>(pointer: *const c_char, name: &str) -> Result<&'a 
         let place = error.valid_up_to() + 1;
         Failure::argument(format!(
             "`{name}` is not UTF-8 at byte {place}: `{}`",
-            text.to_string_lossy().escape_debug()
+            printable::one_line(&text.to_string_lossy())
         ))
         .hint("pass texts in UTF-8")
     })

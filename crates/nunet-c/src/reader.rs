@@ -178,14 +178,14 @@ fn wait_for<T>(
     handle: *const ReaderHandle,
     timeout_ms: u32,
     what: &str,
-    mut look: impl FnMut(&mut Reader) -> Result<Option<T>, IpcError>,
+    mut poll: impl FnMut(&mut Reader) -> Result<Option<T>, IpcError>,
 ) -> Result<T, Failure> {
     let timeout = timeout(timeout_ms);
     let start = Instant::now();
     loop {
         let reader = READERS.get(handle)?;
         let mut reader = locked(&reader);
-        if let Some(found) = look(&mut reader)? {
+        if let Some(found) = poll(&mut reader)? {
             return Ok(found);
         }
         let left = timeout.saturating_sub(start.elapsed());

@@ -157,7 +157,7 @@ pub(crate) fn guard(body: impl FnOnce() -> Result<(), Failure>) -> StatusCode {
         Ok(Ok(())) => StatusCode::Ok,
         Ok(Err(failure)) => failure.remember(),
         Err(panic) => {
-            let message = format!("bug in libnunet: {}", said(&*panic));
+            let message = format!("bug in libnunet: {}", panic_message(&*panic));
             let failure = Failure::new(StatusCode::Panic, message).hint("please report it");
             std::mem::forget(panic); // a payload's own end may panic again
             failure.remember()
@@ -165,7 +165,7 @@ pub(crate) fn guard(body: impl FnOnce() -> Result<(), Failure>) -> StatusCode {
     }
 }
 
-fn said(panic: &(dyn Any + Send)) -> String {
+fn panic_message(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
     text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "unknown panic".to_owned())
 }

@@ -67,8 +67,8 @@ fn infer_resets_the_state_for_each_image() {
 fn inspect_lists_the_state_of_a_network() {
     let bench = walk();
     let model = bench.arg("remembering.onnx");
-    let said = text(&run_well(nunetd(&["-q", "inspect", &model])).stdout);
-    assert!(said.contains("count_out -> count_in float32 [1], from frame to frame\n"), "{said}");
+    let printed = text(&run_well(nunetd(&["-q", "inspect", &model])).stdout);
+    assert!(printed.contains("count_out -> count_in float32 [1], from frame to frame\n"), "{printed}");
     let json = run_well(nunetd(&["-q", "inspect", &model, "--json"])).stdout;
     let json: serde_json::Value = serde_json::from_slice(&json).unwrap();
     assert_eq!(json["stages"][0]["memory"][1]["output"], "count_out");

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::fmt;
 use std::str::FromStr;
 
-use nunet_types::{Hint, Topic};
+use nunet_types::{Hint, Topic, printable};
 
 /// The longest camera name, in bytes.
 pub const MAX_CAMERA_NAME_BYTES: usize = 64;
@@ -33,7 +33,7 @@ pub enum CameraNameError {
     /// A character that is not allowed at its position.
     #[error(
         "camera name `{}` has {character:?} at character {position}, expected {expected}",
-        name.escape_debug()
+        printable::one_line(name)
     )]
     Character {
         /// The whole name.

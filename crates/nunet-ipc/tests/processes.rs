@@ -170,7 +170,7 @@ fn a_reader_in_another_process_maps_the_memory_that_the_publisher_filled() {
     let mut reader = sandbox.spawn("peer", "look at a pointer", "front");
     reader.line();
     for _ in 0..20 {
-        publisher.tell("next");
+        publisher.send_line("next");
         assert_eq!(publisher.line(), reader.line());
     }
     reader.finish();
@@ -205,8 +205,8 @@ fn a_second_publisher_gets_the_process_that_has_the_camera() {
     let mut first = sandbox.spawn("peer", "own", "front");
     first.line();
     let mut second = sandbox.spawn("peer", "own in vain", "front");
-    let said = second.line();
-    assert!(said.contains(&format!("belongs to process {}", first.pid())), "{said}");
+    let message = second.line();
+    assert!(message.contains(&format!("belongs to process {}", first.pid())), "{message}");
 }
 
 #[test]
@@ -255,7 +255,7 @@ fn nothing_is_left_after_publishers_and_readers_were_killed_at_any_moment() {
     let mut reader = sandbox.spawn("peer", "look at a pointer", "front");
     reader.line();
     for _ in 0..20 {
-        next.tell("next");
+        next.send_line("next");
         assert_eq!(next.line(), reader.line());
     }
     reader.finish();

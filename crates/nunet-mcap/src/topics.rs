@@ -59,13 +59,13 @@ impl TopicContent {
         let holds = |known: &[&str]| words().any(|word| known.contains(&word));
         // `depth_confidence` is not depth, and `depth_registered_color` is not color: the least usable
         // content decides.
-        let looks = [
+        let contents = [
             (Self::Result, &RESULT[..]),
             (Self::Depth, &DEPTH),
             (Self::Infrared, &INFRARED),
             (Self::Color, &COLOR),
         ];
-        looks.into_iter().find(|(_, known)| holds(known)).map(|(look, _)| look)
+        contents.into_iter().find(|(_, known)| holds(known)).map(|(content, _)| content)
     }
 }
 

@@ -476,19 +476,19 @@ fn where_the_scale_comes_from_is_said_when_it_changes() {
     write_frames(&path, 3).finish().unwrap();
     let file = std::fs::read(&path).unwrap();
     let summary = mcap::Summary::read(&file).unwrap().unwrap();
-    let said: Vec<_> = summary
+    let stated: Vec<_> = summary
         .metadata_indexes
         .iter()
         .filter(|index| index.name == "nunet.scale")
         .map(|index| mcap::read::metadata(&file, index).unwrap().metadata)
-        .map(|said| {
+        .map(|metadata| {
             let keys = ["scale_source", "from_log_time", "units", "scale_factor", "scale_age_s"];
-            keys.map(|key| said[key].clone())
+            keys.map(|key| metadata[key].clone())
         })
         .collect();
     let expected =
         [["assumed_camera", "0", "metre", "1", "0.5"], ["focal_scaled", "1", "metre", "0.501", "0.5"]];
-    assert_eq!(said, expected.map(|values| values.map(str::to_owned)));
+    assert_eq!(stated, expected.map(|values| values.map(str::to_owned)));
 }
 
 #[test]

@@ -9,8 +9,8 @@ use pyo3::prelude::*;
 use crate::argument;
 use crate::camera::{PyCamera, camera_argument};
 use crate::error::{failure, warn};
+use crate::image_replay::{ImageReplay, ReplayedStep};
 use crate::model::{PyModel, model_argument};
-use crate::player::{Player, PlayerStep};
 use crate::result::Result;
 
 /// An iterator over the results of a recording's images, returned by `replay`.
@@ -20,7 +20,7 @@ use crate::result::Result;
 pub(crate) struct PyReplay {
     model: Py<PyModel>,
     /// `None` after the end of the recording.
-    player: Mutex<Option<Player>>,
+    player: Mutex<Option<ImageReplay>>,
     #[pyo3(get)]
     topic: String,
     #[pyo3(get)]
@@ -30,7 +30,7 @@ pub(crate) struct PyReplay {
 
 /// The outcome of one step, without Python objects.
 enum ReplayStep {
-    Step(PlayerStep),
+    Step(ReplayedStep),
     Failed(anyhow::Error),
 }
 
@@ -39,9 +39,10 @@ impl PyReplay {
     fn step(&self, py: Python<'_>) -> PyResult<ReplayStep> {
         self.model.get().exclusive(py, |model| {
             let mut player = self.player.lock().unwrap_or_else(PoisonError::into_inner);
-            let Some(open) = player.as_mut() else { return ReplayStep::Step(PlayerStep::End) };
+            let Some(open) = player.as_mut() else { return ReplayStep::Step(ReplayedStep::End) };
             let step = open.step(model);
-            if !matches!(step, Ok(PlayerStep::Played(_) | PlayerStep::Lost { .. } | PlayerStep::Nothing)) {
+            if !matches!(step, Ok(ReplayedStep::Image(_) | ReplayedStep::Lost { .. } | ReplayedStep::Nothing))
+            {
                 *player = None;
             }
             step.map_or_else(ReplayStep::Failed, ReplayStep::Step)
@@ -58,18 +59,18 @@ impl PyReplay {
     fn __next__(&self, py: Python<'_>) -> PyResult<Option<Result>> {
         loop {
             match self.step(py)? {
-                ReplayStep::Step(PlayerStep::Played(played)) => {
+                ReplayStep::Step(ReplayedStep::Image(played)) => {
                     let model = self.model.get();
                     model.warn_of_factor(py, played.uses_factor)?;
                     model.warn_of_guesses(py, &played.inferred)?;
                     return Result::of_recording(py, *played, self.topic.clone(), model.shared()).map(Some);
                 }
-                ReplayStep::Step(PlayerStep::Lost { sequence, error }) => {
+                ReplayStep::Step(ReplayedStep::Lost { sequence, error }) => {
                     warn(py, &format!("cannot read image {sequence} of `{}`: {error:#}", self.path))?;
                 }
                 // Between images, so that Ctrl-C ends the wait.
-                ReplayStep::Step(PlayerStep::Nothing) => py.check_signals()?,
-                ReplayStep::Step(PlayerStep::End) => return Ok(None),
+                ReplayStep::Step(ReplayedStep::Nothing) => py.check_signals()?,
+                ReplayStep::Step(ReplayedStep::End) => return Ok(None),
                 ReplayStep::Failed(error) => return Err(failure(&error)),
             }
         }
@@ -134,7 +135,7 @@ fn replay(
     let factor = model.get().factor_of(camera)?;
     let camera = camera.map(|camera| camera.0);
     let player = py
-        .detach(|| Player::open(&path, topic, rotate, (camera, factor)))
+        .detach(|| ImageReplay::open(&path, topic, rotate, (camera, factor)))
         .map_err(|error| failure(&error))?;
     let (topic, images) = (player.topic().to_owned(), player.image_count());
     let path = path.display().to_string();

@@ -112,9 +112,9 @@ mod tests {
     #[test]
     fn without_a_stop_a_slow_disk_has_time_while_it_makes_progress() {
         let mut timeout = DrainTimeout::with(&|| false, Duration::ZERO, 20 * POLL_PERIOD);
-        let looks = Cell::new(0);
-        let look = || looks.replace(looks.get() + 1);
-        assert_eq!(timeout.wait("a file", || looks.get() >= 30, look), Ok(()), "longer than a stall");
+        let polls = Cell::new(0);
+        let poll = || polls.replace(polls.get() + 1);
+        assert_eq!(timeout.wait("a file", || polls.get() >= 30, poll), Ok(()), "longer than a stall");
         assert_eq!(timeout.wait("a file", || false, || 0), Err(GivenUp::Stalled(20 * POLL_PERIOD)));
     }
 

@@ -90,7 +90,7 @@ fn notify(states: &[NotifyState<'_>]) {
 mod tests {
     use super::*;
 
-    const LOOK: Duration = Duration::from_millis(100);
+    const POLL: Duration = Duration::from_millis(100);
 
     #[test]
     fn the_watchdog_is_fed_a_few_times_a_period_and_not_with_every_frame() {
@@ -106,9 +106,9 @@ mod tests {
         let mut supervisor = Supervisor::new(Some(Duration::from_secs(8)));
         let start = Instant::now();
         let fed: Vec<u32> =
-            (0..100).filter(|&look| supervisor.is_waiting(true, 7, start + LOOK * look)).collect();
+            (0..100).filter(|&poll| supervisor.is_waiting(true, 7, start + POLL * poll)).collect();
         assert_eq!(fed, [20, 40, 60, 80]);
-        assert!(!supervisor.is_waiting(false, 7, start + 200 * LOOK), "nobody says that it waits");
+        assert!(!supervisor.is_waiting(false, 7, start + 200 * POLL), "nobody says that it waits");
     }
 
     #[test]
@@ -116,10 +116,10 @@ mod tests {
         let mut supervisor = Supervisor::new(Some(Duration::from_secs(8)));
         let start = Instant::now();
         // A damaged image each 1.5 s, from a camera that counts as waiting until a good one.
-        let fed = (0..100).any(|look| supervisor.is_waiting(true, u64::from(look) / 15, start + LOOK * look));
+        let fed = (0..100).any(|poll| supervisor.is_waiting(true, u64::from(poll) / 15, start + POLL * poll));
         assert!(!fed);
-        let fed = (100..200).find(|look| supervisor.is_waiting(true, 6, start + LOOK * *look));
-        assert_eq!(fed, Some(110), "it has been quiet since look 90");
+        let fed = (100..200).find(|poll| supervisor.is_waiting(true, 6, start + POLL * *poll));
+        assert_eq!(fed, Some(110), "it has been quiet since poll 90");
     }
 
     #[test]

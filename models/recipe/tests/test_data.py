@@ -1,4 +1,4 @@
-"""Reading, caching and augmenting pairs, and what is said of bad data."""
+"""Reading, caching and augmenting pairs, and the errors of bad data."""
 
 import argparse
 import os
@@ -105,8 +105,8 @@ def test_a_label_that_is_no_class_is_refused(dataset, folder, value, expected, h
     Image.fromarray(labels).save(path)
     with pytest.raises(DataError) as raised:
         FolderPairs(dataset, ["0001"], units=DepthUnits())[0]
-    said = f"`{path}` has the label {value}; expected {expected} for unknown"
-    assert str(raised.value) == said
+    message = f"`{path}` has the label {value}; expected {expected} for unknown"
+    assert str(raised.value) == message
     assert raised.value.hint.startswith(hint)
 
 
@@ -238,8 +238,8 @@ def test_a_list_that_is_missing_or_no_file_is_named(tmp_path):
 def test_a_folder_of_data_that_is_missing_is_named(tmp_path):
     with pytest.raises(DataError) as raised:
         FolderPairs(tmp_path / "rooms", ["0001"], units=DepthUnits())
-    said = f"`{tmp_path / 'rooms'}` is not a folder; expected one with `rgb/` and `depth/`, or "
-    assert str(raised.value).startswith(said)
+    message = f"`{tmp_path / 'rooms'}` is not a folder; expected one with `rgb/` and `depth/`, or "
+    assert str(raised.value).startswith(message)
 
 
 def test_a_list_may_have_a_mark_of_its_order_and_ids_with_spaces(tmp_path):

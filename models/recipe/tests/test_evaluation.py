@@ -98,8 +98,8 @@ def test_truth_beyond_counts_within_the_crop_alone():
     assert found.values()["pixels_beyond"] == 426 * 560 - 2
 
 
-@pytest.mark.parametrize(("far", "said"), [(61, False), (62, True)])
-def test_much_truth_beyond_the_cap_is_reported(dataset, capsys, far, said):
+@pytest.mark.parametrize(("far", "is_reported"), [(61, False), (62, True)])
+def test_much_truth_beyond_the_cap_is_reported(dataset, capsys, far, is_reported):
     path = dataset / "depth" / "0004.png"
     values = np.full((96, 128), 2000, np.uint16)
     values.flat[: far * 10] = 10_000
@@ -112,8 +112,8 @@ def test_much_truth_beyond_the_cap_is_reported(dataset, capsys, far, said):
     assert found["pixels_beyond"] == far * 10
     assert found["pixels"] == 96 * 128 - 48 - far * 10
     lines = [line for line in answer.err.splitlines() if "not compared" in line]
-    assert len(lines) == said
-    if said:
+    assert len(lines) == is_reported
+    if is_reported:
         assert "5.1 % of the true depth (620 of 12240 pixels)" in lines[0]
         assert lines[0].endswith("hint: `--depth-scale METERS` sets the unit of the depth images")
 
@@ -287,8 +287,8 @@ def test_a_file_that_cannot_be_measured_is_named(dataset, tmp_path, capsys, name
         path = tmp_path / name
         path.write_bytes(TINY.read_bytes()[:-1000])
     assert evaluate(dataset, model=path) == 1
-    said = capsys.readouterr().err
-    assert f"`{path}`" in said and all(word.format(path=path) in said for word in words)
+    stderr = capsys.readouterr().err
+    assert f"`{path}`" in stderr and all(word.format(path=path) in stderr for word in words)
 
 
 def test_labels_of_the_13_classes_give_the_figures_of_the_40(dataset, capsys):
@@ -300,24 +300,24 @@ def test_labels_of_the_13_classes_give_the_figures_of_the_40(dataset, capsys):
         Image.fromarray(own).save(dataset / "labels" / path.name)
         Image.fromarray(np.zeros_like(own)).save(path)  # `labels` comes first
     assert evaluate(dataset) == 0
-    said = capsys.readouterr()
-    assert json.loads(said.out)["labels"] == expected
-    assert "no label metrics" not in said.err
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["labels"] == expected
+    assert "no label metrics" not in printed.err
 
 
 def test_a_folder_without_labels_is_said_once(dataset, capsys):
     shutil.rmtree(dataset / "label40")
     assert evaluate(dataset) == 0
-    said = capsys.readouterr()
-    assert json.loads(said.out)["labels"] == {}
-    assert said.err.count(f"no label metrics: `{dataset}` has no folder `labels`") == 1
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["labels"] == {}
+    assert printed.err.count(f"no label metrics: `{dataset}` has no folder `labels`") == 1
 
 
 def test_eigen_s_crop_names_the_image_of_another_size(dataset, capsys):
     assert evaluate(dataset, "--protocol", "eigen") == 1
-    said = capsys.readouterr().err
-    assert "image `0004`: protocol `eigen` is for images of (480, 640)" in said
-    assert "hint: `--protocol full`" in said
+    stderr = capsys.readouterr().err
+    assert "image `0004`: protocol `eigen` is for images of (480, 640)" in stderr
+    assert "hint: `--protocol full`" in stderr
 
 
 def test_a_mean_image_of_another_size_is_said_before_the_network_runs(dataset, capsys, monkeypatch):
@@ -364,7 +364,7 @@ def test_a_mean_image_of_another_size_is_no_baseline(dataset, tmp_path, capsys, 
 
 
 @pytest.mark.parametrize(
-    ("image", "said"),
+    ("image", "message"),
     [
         (None, "is missing; expected a mean image in meters, float32 [H, W]"),
         (b"\x93NUMPY no more", "is not a .npy file: "),
@@ -376,14 +376,14 @@ def test_a_mean_image_of_another_size_is_no_baseline(dataset, tmp_path, capsys, 
         (np.zeros((96, 128), np.float32), "has pixels without depth; expected"),
     ],
 )
-def test_a_file_that_is_no_mean_image_is_named(dataset, tmp_path, capsys, image, said):
+def test_a_file_that_is_no_mean_image_is_named(dataset, tmp_path, capsys, image, message):
     path = tmp_path / "mean.npy"
     if isinstance(image, bytes):
         path.write_bytes(image)
     elif image is not None:
         np.save(path, image, allow_pickle=True)
     assert evaluate(dataset, "--baseline", str(path)) == 1
-    assert f"`{path}` {said}" in capsys.readouterr().err
+    assert f"`{path}` {message}" in capsys.readouterr().err
 
 
 def test_options_of_the_baseline_that_do_not_go_together_are_bad_arguments(dataset, capsys):
@@ -425,9 +425,11 @@ def test_frames_without_depth_have_no_clip_figures():
 @pytest.mark.parametrize("fx", ["0", "-500", "nan", "inf"])
 def test_a_focal_length_that_is_none_is_a_bad_argument(dataset, capsys, fx):
     assert evaluate(dataset, f"--fx={fx}") == 2
-    said = capsys.readouterr()
-    assert f"`--fx {float(fx)}`; expected a focal length in pixels, more than 0; hint" in said.err
-    assert not said.out
+    printed = capsys.readouterr()
+    assert (
+        f"`--fx {float(fx)}`; expected a focal length in pixels, more than 0; hint" in printed.err
+    )
+    assert not printed.out
 
 
 @pytest.fixture
@@ -451,5 +453,7 @@ def test_the_focal_length_scales_meters_and_nothing_else(dataset, stretching, ca
 
 def test_a_clip_of_a_network_without_meters_is_refused(dataset, stretching, capsys):
     assert evaluate(dataset, "--clip", model=stretching) == 1
-    said = capsys.readouterr().err
-    assert f"`--clip` compares meters, but `{stretching}` outputs depth as `minmax`; hint: " in said
+    stderr = capsys.readouterr().err
+    assert (
+        f"`--clip` compares meters, but `{stretching}` outputs depth as `minmax`; hint: " in stderr
+    )

@@ -190,8 +190,10 @@ def test_figures_of_nunetd_are_written_into_the_file_that_they_are_of(tmp_path, 
     measured("model.onnx", "ab" * 32)
     before = model.read_bytes()
     assert main(note) == 1
-    said = capsys.readouterr().err
-    assert "is of the model `model.onnx` with the SHA-256 `abab" in said and f"`{digest}`" in said
+    stderr = capsys.readouterr().err
+    assert (
+        "is of the model `model.onnx` with the SHA-256 `abab" in stderr and f"`{digest}`" in stderr
+    )
     assert model.read_bytes() == before
     measured("before-it-was-renamed.onnx", digest)
     for _ in range(2):  # what is there already may be written again

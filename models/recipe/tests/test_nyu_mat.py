@@ -89,7 +89,7 @@ def test_a_class_map_of_any_version_of_matlab_is_read(tmp_path, class_map, how):
 
 
 @pytest.mark.parametrize(
-    ("write", "said"),
+    ("write", "message"),
     [
         (lambda p: None, "is missing; expected Gupta et al.'s `classMapping40.mat`"),
         (lambda p: p.write_bytes(b"<html>404"), "is not a MATLAB file: "),
@@ -102,12 +102,12 @@ def test_a_class_map_of_any_version_of_matlab_is_read(tmp_path, class_map, how):
         (lambda p: savemat(p, {"mapClass": np.ones((2, 447))}), "expected one row or column"),
     ],
 )
-def test_a_file_that_is_no_class_map_is_named(tmp_path, write, said):
+def test_a_file_that_is_no_class_map_is_named(tmp_path, write, message):
     path = tmp_path / "classMapping.mat"
     write(path)
     with pytest.raises(DataError) as raised:
         read_class_map(path)
-    assert str(path) in str(raised.value) and said in str(raised.value)
+    assert str(path) in str(raised.value) and message in str(raised.value)
 
 
 def test_a_cut_class_map_is_no_matlab_file(class_map):
@@ -123,13 +123,13 @@ def test_a_label_that_is_no_raw_class_is_refused(tmp_path, class_map):
 
 
 @pytest.mark.parametrize(
-    ("name", "said"), [("other.mat", "is not NYU"), ("absent.mat", "is missing; expected NYU")]
+    ("name", "message"), [("other.mat", "is not NYU"), ("absent.mat", "is missing; expected NYU")]
 )
-def test_a_file_that_is_not_nyu_s_is_refused_by_name(tmp_path, name, said):
+def test_a_file_that_is_not_nyu_s_is_refused_by_name(tmp_path, name, message):
     (tmp_path / "other.mat").write_bytes(b"MATLAB 5.0")
     with pytest.raises(DataError) as raised:
         NyuMatPairs(tmp_path / name, ["0"])
-    assert f"`{tmp_path / name}` {said}" in str(raised.value)
+    assert f"`{tmp_path / name}` {message}" in str(raised.value)
 
 
 def test_a_file_without_labels_fails_with_a_hint_where_labels_are_needed(tmp_path, class_map):
@@ -174,11 +174,12 @@ def rooms(tmp_path):
 def test_segmentation_is_trained_from_nyu_s_own_files(tmp_path, class_map, capsys):
     data = ("--data", str(rooms(tmp_path)))
     assert train(tmp_path, tmp_path / "run", *data) == 1
-    said = capsys.readouterr().err
+    stderr = capsys.readouterr().err
     assert (
-        "nyu.mat` has no labels of its own to train `segmentation` on: its 894 raw classes" in said
+        "nyu.mat` has no labels of its own to train `segmentation` on: its 894 raw classes"
+        in stderr
     )
-    assert said.endswith("hint: `--class-map classMapping40.mat`\n")
+    assert stderr.endswith("hint: `--class-map classMapping40.mat`\n")
     data = (*data, "--class-map", str(class_map))
     assert train(tmp_path, tmp_path / "run", *data, epochs=1) == 0
     kept = Checkpoint.load(tmp_path / "run" / "best.pt").provenance["segmentation"]["data"]
@@ -191,13 +192,13 @@ def test_segmentation_is_trained_from_nyu_s_own_files(tmp_path, class_map, capsy
 def test_labels_are_measured_by_nyu_s_own_files(tmp_path, class_map, capsys):
     path = rooms(tmp_path)
     assert evaluate_tiny(tmp_path, data=path) == 0
-    said = capsys.readouterr()
-    assert json.loads(said.out)["labels"] == {}
-    assert "has no labels of its own: its 894 raw classes" in said.err
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["labels"] == {}
+    assert "has no labels of its own: its 894 raw classes" in printed.err
     assert evaluate_tiny(tmp_path, "--class-map", str(class_map), data=path) == 0
-    said = capsys.readouterr()
-    assert json.loads(said.out)["labels"]["pixels"] > 20_000
-    assert "no label" not in said.err
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["labels"]["pixels"] > 20_000
+    assert "no label" not in printed.err
 
 
 def test_a_class_map_of_a_folder_is_a_bad_argument(dataset, class_map, capsys):
@@ -227,11 +228,11 @@ def test_the_official_split_becomes_lists_that_count_from_0(tmp_path, splits, ca
 
 
 @pytest.mark.parametrize(
-    ("train_ids", "test_ids", "said"),
+    ("train_ids", "test_ids", "message"),
     [([1, 2], [2], "twice"), ([0, 1], [2], "counted from 1"), ([], [1], "empty")],
 )
-def test_a_split_that_cannot_be_is_refused(tmp_path, train_ids, test_ids, said):
+def test_a_split_that_cannot_be_is_refused(tmp_path, train_ids, test_ids, message):
     path = tmp_path / "splits.mat"
     savemat(path, {"trainNdxs": train_ids, "testNdxs": test_ids})
-    with pytest.raises(DataError, match=rf"splits\.mat` .*{said}"):
+    with pytest.raises(DataError, match=rf"splits\.mat` .*{message}"):
         read_splits(path)

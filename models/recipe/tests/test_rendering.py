@@ -46,9 +46,9 @@ def write_room(folder, room, views=2):
 def test_without_blender_the_error_names_the_package_to_install(monkeypatch, capsys, tmp_path):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     assert main(["render", "--rooms", "1", "--out", str(tmp_path / "out")]) == 1
-    said = capsys.readouterr().err
-    assert "`bpy` is not installed" in said
-    assert "hint: pip install 'bpy==4.5.*'" in said
+    stderr = capsys.readouterr().err
+    assert "`bpy` is not installed" in stderr
+    assert "hint: pip install 'bpy==4.5.*'" in stderr
     assert not (tmp_path / "out").exists()
 
 

@@ -45,9 +45,9 @@ def test_a_run_is_not_resumed_from_other_weights(dataset, tmp_path, capsys):
     assert train(dataset, run, *STOP, *start, component="depth") == 0
     again = ("--resume", "--start", str(second / "best.pt"))
     assert train(dataset, run, *again, component="depth") == 1
-    said = capsys.readouterr().err
-    assert "was started with `--start best.pt` (SHA-256 " in said
-    assert "; `--like segmentation`, given no `--like`; hint: " in said
+    stderr = capsys.readouterr().err
+    assert "was started with `--start best.pt` (SHA-256 " in stderr
+    assert "; `--like segmentation`, given no `--like`; hint: " in stderr
     (first / "best.pt").rename(first / "other-name.pt")
     start = ("--start", str(first / "other-name.pt"), "--like", "segmentation")
     assert train(dataset, run, "--resume", *start, component="depth") == 0
@@ -122,9 +122,9 @@ def test_an_option_that_asks_for_another_graph_than_start_s_is_refused(
 ):
     dataset, best = started
     assert train(dataset, tmp_path, "--start", str(best), *given, component="depth") == 1
-    said = capsys.readouterr().err
-    assert f"`--start {best}` is a graph of " in said and word in said
-    assert "leave such options out with `--start`" in said
+    stderr = capsys.readouterr().err
+    assert f"`--start {best}` is a graph of " in stderr and word in stderr
+    assert "leave such options out with `--start`" in stderr
     assert not (tmp_path / "last.pt").exists()
 
 

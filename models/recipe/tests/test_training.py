@@ -107,8 +107,8 @@ def test_a_run_is_not_overwritten_without_resume(dataset, tmp_path, capsys):
 def test_lists_that_share_ids_are_refused_with_some_of_them(dataset, tmp_path, capsys):
     (dataset / "val.txt").write_text("0005\n0003\n0001\n0000\n0002\n")
     assert train(dataset, tmp_path) == 1
-    said = capsys.readouterr().err
-    assert "val.txt` share 4 ids: `0000`, `0001`, `0002` ...; hint: " in said
+    stderr = capsys.readouterr().err
+    assert "val.txt` share 4 ids: `0000`, `0001`, `0002` ...; hint: " in stderr
     assert not (dataset / "cache").exists()
 
 
@@ -146,9 +146,9 @@ def test_a_recurrent_network_is_not_trained_on_single_images(dataset, tmp_path, 
     """Each would start from a zero state, and the weights that read it would never change."""
     lstm = ("--architecture", "wnet_c_lstm")
     assert train(dataset, tmp_path, *lstm, component="depth", epochs=1) == 2
-    said = capsys.readouterr().err
-    assert "`--component depth` of `wnet_c_lstm` is recurrent; single images leave" in said
-    assert "`--architecture wnet_c` is the same network without a state" in said
+    stderr = capsys.readouterr().err
+    assert "`--component depth` of `wnet_c_lstm` is recurrent; single images leave" in stderr
+    assert "`--architecture wnet_c` is the same network without a state" in stderr
     assert not (dataset / "cache").exists() and not (tmp_path / "last.pt").exists()
     assert train(dataset, tmp_path, *lstm, component="segmentation", epochs=1) == 0
 
@@ -194,15 +194,15 @@ def test_a_loss_that_is_no_number_stops_before_any_weight_is_lost(dataset, tmp_p
 def test_a_missing_list_is_said_to_be_missing(dataset, tmp_path, capsys):
     absent = tmp_path / "nolist.txt"
     assert train(dataset, tmp_path / "run", "--train-ids", str(absent)) == 1
-    said = capsys.readouterr().err
-    assert said == f"nunet_models: `{absent}` is missing; expected a list of ids, one per line\n"
+    stderr = capsys.readouterr().err
+    assert stderr == f"nunet_models: `{absent}` is missing; expected a list of ids, one per line\n"
 
 
 def test_a_file_that_the_system_refuses_is_reported_without_its_number(dataset, tmp_path, capsys):
     absent = tmp_path / "absent.pt"
     assert train(dataset, tmp_path / "run", "--begin-with", str(absent)) == 1
-    said = capsys.readouterr().err
-    assert str(absent) in said and "[Errno" not in said
+    stderr = capsys.readouterr().err
+    assert str(absent) in stderr and "[Errno" not in stderr
 
 
 def test_segmentation_without_labels_is_refused(dataset, tmp_path, capsys):
@@ -284,9 +284,11 @@ def test_a_run_that_had_a_drop_path_to_no_effect_is_resumed(dataset, tmp_path):
 def test_a_damaged_checkpoint_is_refused_by_name(tmp_path, dataset, capsys):
     (tmp_path / "last.pt").write_bytes(b"no checkpoint")
     assert train(dataset, tmp_path, "--resume") == 1
-    said = capsys.readouterr().err
-    assert "last.pt` is not a checkpoint of this package, or damaged; hint: `train` writes" in said
-    assert "weights_only" not in said and "torch" not in said
+    stderr = capsys.readouterr().err
+    assert (
+        "last.pt` is not a checkpoint of this package, or damaged; hint: `train` writes" in stderr
+    )
+    assert "weights_only" not in stderr and "torch" not in stderr
 
 
 def test_a_run_of_another_graph_is_not_resumed(dataset, tmp_path, capsys):
@@ -299,19 +301,19 @@ def test_a_run_resumed_with_other_options_lists_each_of_them(dataset, tmp_path, 
     assert train(dataset, tmp_path, "--minutes", "1e-9", "--lr", "0.002") == 0
     other = ("--lr", "0.001", "--no-bf16", "--loss", "mse", "--threads", "1", "--workers", "0")
     assert train(dataset, tmp_path, "--resume", *other, epochs=3) == 1
-    said = capsys.readouterr().err
-    assert "`--lr 0.002`, given `--lr 0.001`; `--loss l1_log=1,silog=0.5,gradient=0.5`, " in said
-    assert "; `--bf16`, given `--no-bf16`; hint: " in said
-    assert f"`--start {tmp_path / 'best.pt'}`" in said
-    assert not any(word in said for word in ("workers", "epochs", "threads"))
+    stderr = capsys.readouterr().err
+    assert "`--lr 0.002`, given `--lr 0.001`; `--loss l1_log=1,silog=0.5,gradient=0.5`, " in stderr
+    assert "; `--bf16`, given `--no-bf16`; hint: " in stderr
+    assert f"`--start {tmp_path / 'best.pt'}`" in stderr
+    assert not any(word in stderr for word in ("workers", "epochs", "threads"))
 
 
 def test_a_run_is_not_resumed_on_other_images(dataset, tmp_path, capsys):
     assert train(dataset, tmp_path, epochs=1) == 0
     (dataset / "val.txt").write_text("0005\n0004\n")
     assert train(dataset, tmp_path, "--resume", epochs=1) == 1
-    said = capsys.readouterr().err
-    assert "another list than that of `--val-ids`" in said and "train-ids" not in said
+    stderr = capsys.readouterr().err
+    assert "another list than that of `--val-ids`" in stderr and "train-ids" not in stderr
 
 
 def test_a_run_may_be_resumed_for_more_epochs_and_validate_more_rarely(dataset, tmp_path):
@@ -416,9 +418,9 @@ def test_a_graph_with_an_untrained_component_is_not_exported_as_trained(dataset,
     run, model = tmp_path / "run", tmp_path / "model.onnx"
     assert train(dataset, run, epochs=1) == 0
     assert main(["export", "--checkpoint", str(run / "best.pt"), "--out", str(model)]) == 1
-    said = capsys.readouterr().err
-    assert "component `depth` of" in said and "is untrained, its weights are random" in said
-    assert f"hint: `train --component depth --start {run / 'best.pt'}`" in said
+    stderr = capsys.readouterr().err
+    assert "component `depth` of" in stderr and "is untrained, its weights are random" in stderr
+    assert f"hint: `train --component depth --start {run / 'best.pt'}`" in stderr
     assert not model.exists()
 
 
@@ -427,8 +429,8 @@ def test_a_run_without_a_validated_epoch_is_not_exported(dataset, tmp_path, caps
     unet = ("--architecture", "unet", "--minutes", "1e-9")
     assert train(dataset, run, *unet, component="depth") == 0
     assert main(["export", "--checkpoint", str(run / "last.pt"), "--out", str(model)]) == 1
-    assert "component `depth` of" in (said := capsys.readouterr().err)
-    assert "has no validated epoch yet; hint: continue with `--resume`" in said
+    assert "component `depth` of" in (stderr := capsys.readouterr().err)
+    assert "has no validated epoch yet; hint: continue with `--resume`" in stderr
 
 
 def test_what_learned_along_with_a_later_component_counts_as_trained():

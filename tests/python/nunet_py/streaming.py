@@ -87,11 +87,11 @@ def memory_bytes(kind):
     raise AssertionError(f"no {kind}")
 
 
-def eventually(what, look, timeout=TIMEOUT):
-    """Polls until `look` returns something."""
+def eventually(what, poll, timeout=TIMEOUT):
+    """Polls until `poll` returns something."""
     deadline = time.monotonic() + timeout
     while time.monotonic() < deadline:
-        found = look()
+        found = poll()
         if found:
             return found
         time.sleep(0.005)

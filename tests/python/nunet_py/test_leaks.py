@@ -86,16 +86,16 @@ def test_the_frames_of_a_daemon_leak_no_memory(nunetd):
     topics = ["depth", "labels", "cloud", "stats"]
     with daemon(nunetd, name, "--rate", "200"), nunet.subscribe(name, topics=topics, timeout=TIMEOUT) as frames:
 
-        def look(count):
+        def read_frames(count):
             for frame in (frames.next() for _ in range(count)):
                 cloud = frame.cloud
                 _ = (frame.depth, frame.labels, cloud.points, cloud.labels, cloud.colors, frame.headers)
                 _ = (frame.stats.stages_ms, frame.stats.total_ms)
 
-        look(100)
+        read_frames(100)
         sample = type(frames.next().depth.base)
         before, memory = references(sample), memory_bytes("RssAnon")
-        look(DAEMON_FRAMES)
+        read_frames(DAEMON_FRAMES)
         assert_same(before, references(sample))
         assert memory_bytes("RssAnon") - memory < SLACK_BYTES
 

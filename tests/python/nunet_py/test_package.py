@@ -170,38 +170,38 @@ def run_example(name, *arguments):
 
 
 def test_the_example_numpy_depth_writes_depth_and_an_image(tmp_path):
-    said = run_example("numpy_depth.py", ROOT / "models/clip/rgb/bedroom_00.jpg", tmp_path)
-    assert "metre" in said and (tmp_path / "depth.npy").exists() and (tmp_path / "depth.png").exists()
+    printed = run_example("numpy_depth.py", ROOT / "models/clip/rgb/bedroom_00.jpg", tmp_path)
+    assert "metre" in printed and (tmp_path / "depth.npy").exists() and (tmp_path / "depth.png").exists()
 
 
 def test_the_example_nearest_obstacle_prints_distance_and_class():
-    said = run_example("nearest_obstacle.py", ROOT / "models/clip/rgb/bedroom_00.jpg")
-    assert " m ahead" in said
+    printed = run_example("nearest_obstacle.py", ROOT / "models/clip/rgb/bedroom_00.jpg")
+    assert " m ahead" in printed
 
 
 def test_the_example_nearest_obstacle_does_not_call_unseen_space_free():
-    judge = runpy.run_path(str(EXAMPLES / "nearest_obstacle.py"))["judge"]
+    describe = runpy.run_path(str(EXAMPLES / "nearest_obstacle.py"))["describe"]
     camera = nunet.Camera(fx=50, fy=50, cx=31.5, cy=23.5, size=(64, 48))
     row, column = np.indices((48, 64))
     ray = np.stack([(column - 31.5) / 50, (row - 23.5) / 50, np.ones((48, 64))], -1).astype(np.float32)
 
-    def said(depth, label):
+    def answer(depth, label):
         cloud = types.SimpleNamespace(points=ray * depth[..., None], labels=np.full((48, 64), label, np.uint8))
-        return judge(cloud, ("floor", "wall"), camera)
+        return describe(cloud, ("floor", "wall"), camera)
 
     floor, wall = 0, 1
     wall_at_2_m = np.full((48, 64), 2, np.float32)
-    assert said(wall_at_2_m, wall) == "wall, 2.00 m ahead"
-    assert said(wall_at_2_m, floor) == "nothing in the way"
-    assert said(wall_at_2_m * np.nan, wall).startswith("unknown: ")
-    assert said(wall_at_2_m * np.nan, floor).startswith("unknown: ")
+    assert answer(wall_at_2_m, wall) == "wall, 2.00 m ahead"
+    assert answer(wall_at_2_m, floor) == "nothing in the way"
+    assert answer(wall_at_2_m * np.nan, wall).startswith("unknown: ")
+    assert answer(wall_at_2_m * np.nan, floor).startswith("unknown: ")
     half = wall_at_2_m.copy()
     half[:, 32:] = np.nan
-    assert said(half, wall).startswith("unknown: "), "the other half may be nearer"
+    assert answer(half, wall).startswith("unknown: "), "the other half may be nearer"
     aside = wall_at_2_m.copy()
     aside[:, :16] = np.nan
     aside[24, 32] = np.nan
-    assert said(aside, floor) == "nothing in the way", "one pixel, and what is beside the way"
+    assert answer(aside, floor) == "nothing in the way", "one pixel, and what is beside the way"
 
 
 def test_the_notebook_runs_from_its_first_cell_to_its_last(tmp_path, monkeypatch):

@@ -244,8 +244,9 @@ fn unmet_need(command: &Command, table: &Table) -> Option<(&'static str, &'stati
 /// `upper`, completed by `lower`.
 fn overlay(run: &Command, upper: &Table, lower: &Table) -> Table {
     let is_beside = |key: &str| {
-        let excludes =
-            |(said, value): (&String, &Value)| said == key || is_on(value) && excludes(run, said, key);
+        let excludes = |(upper_key, value): (&String, &Value)| {
+            upper_key == key || is_on(value) && excludes(run, upper_key, key)
+        };
         !upper.iter().any(excludes)
     };
     let beside = lower.iter().filter(|(key, _)| is_beside(key));

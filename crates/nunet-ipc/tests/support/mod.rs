@@ -73,10 +73,10 @@ pub(crate) fn describe(loan: &mut Loan, sequence: u64) {
 }
 
 /// Polls until something is there.
-pub(crate) fn eventually<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
+pub(crate) fn eventually<T>(what: &str, mut poll: impl FnMut() -> Option<T>) -> T {
     let start = Instant::now();
     loop {
-        if let Some(found) = look() {
+        if let Some(found) = poll() {
             return found;
         }
         assert!(start.elapsed() < TIMEOUT, "{what} did not happen");
@@ -166,7 +166,7 @@ pub(crate) fn role() -> Option<(String, String)> {
 
 /// Prints a line for the test to read with [`Peer::line`].
 pub(crate) fn say(line: &str) {
-    println!("{SAID}{line}");
+    println!("{PREFIX}{line}");
 }
 
 /// Waits until the test says something, or is gone.
@@ -176,7 +176,7 @@ pub(crate) fn listen() -> String {
     line.trim_end().to_owned()
 }
 
-const SAID: &str = "peer says: ";
+const PREFIX: &str = "peer says: ";
 
 /// Another process; killed when dropped.
 pub(crate) struct Peer {
@@ -190,19 +190,19 @@ impl Peer {
         Self { child, output }
     }
 
-    /// The next line that the role said.
+    /// The next line that the role printed.
     pub(crate) fn line(&mut self) -> String {
         use std::io::BufRead;
         loop {
             let mut line = String::new();
             assert_ne!(self.output.read_line(&mut line).unwrap(), 0, "the other process ended");
-            if let Some((_, said)) = line.trim_end().split_once(SAID) {
-                return said.to_owned();
+            if let Some((_, line)) = line.trim_end().split_once(PREFIX) {
+                return line.to_owned();
             }
         }
     }
 
-    pub(crate) fn tell(&mut self, line: &str) {
+    pub(crate) fn send_line(&mut self, line: &str) {
         use std::io::Write;
         writeln!(self.child.stdin.as_mut().unwrap(), "{line}").unwrap();
     }

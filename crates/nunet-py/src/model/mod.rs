@@ -23,9 +23,9 @@ use crate::argument;
 use crate::array::import_numpy;
 use crate::camera::{PyCamera, camera_argument};
 use crate::error::{failure, warn};
+use crate::fork_guard::ForkGuard;
 use crate::image::{ColorOrder, ImageArgument};
 use crate::obstacles::optional_mount_argument;
-use crate::own::Own;
 use crate::result::{Result, ResultContext};
 
 /// A network that runs in this process, like `nunetd infer`.
@@ -86,7 +86,7 @@ use crate::result::{Result, ResultContext};
 #[pyclass(frozen, name = "Model", module = "nunet_py")]
 pub(crate) struct PyModel {
     // The threads of ONNX Runtime do not exist in a fork, and dropping it there would wait for them.
-    inner: Own<Mutex<nunet_engine::Model>>,
+    inner: ForkGuard<Mutex<nunet_engine::Model>>,
     about: About,
     shared: Arc<ResultContext>,
     warnings: Warnings,
@@ -133,7 +133,7 @@ impl PyModel {
         let shared = Arc::new(ResultContext::new(class_names, model.pipeline().stage_names().to_vec()));
         let (about, warnings) = (About::of(&model), Warnings::default());
         let mount = if let ScaleMode::Floor(mount) = scale { Some(mount) } else { None };
-        let inner = Own::new(Mutex::new(model));
+        let inner = ForkGuard::new(Mutex::new(model));
         Ok(Self { inner, about, shared, warnings, mount, has_factor: factor.is_some() })
     }
 

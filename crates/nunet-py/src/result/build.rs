@@ -9,7 +9,7 @@ use pyo3::types::PyDict;
 use super::memory::array;
 use super::{Origin, Result, ResultContext};
 use crate::camera::PyCamera;
-use crate::player::Played;
+use crate::image_replay::ReplayedImage;
 
 impl Result {
     /// The results of an image.
@@ -20,7 +20,7 @@ impl Result {
     /// The results of an image of a recording.
     pub(crate) fn of_recording(
         py: Python<'_>,
-        played: Played,
+        played: ReplayedImage,
         topic: String,
         shared: Arc<ResultContext>,
     ) -> PyResult<Self> {

@@ -122,14 +122,14 @@ impl Feed {
     }
 
     /// The newest frame that is complete and was not returned yet. Waits up to `timeout` for one.
-    pub(super) fn look(&mut self, timeout: Duration) -> Result<Option<Arrival>, IpcError> {
+    pub(super) fn poll(&mut self, timeout: Duration) -> Result<Option<Arrival>, IpcError> {
         if let Some(arrival) = self.newest()? {
             return Ok(Some(arrival));
         }
         if timeout.is_zero() {
             return Ok(None);
         }
-        self.reader.wait(timeout)?; // events are a hint: look in any case
+        self.reader.wait(timeout)?; // events are a hint: read in any case
         self.newest()
     }
 

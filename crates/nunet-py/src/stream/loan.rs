@@ -8,8 +8,8 @@ use pyo3::types::PyTuple;
 
 use super::port::{Anchor, ImageStamp, ImageTopic};
 use crate::error::{NunetError, hinted};
+use crate::fork_guard::ForkGuard;
 use crate::memory::{Memory, references};
-use crate::own::Own;
 
 /// The name of the class in messages.
 const NAME: &str = "loan";
@@ -54,7 +54,7 @@ struct LoanChunk {
     address: usize,
     len: usize,
     // A fork must not release it. The chunk is dropped before what keeps it mapped.
-    kept: Own<KeptLoan>,
+    kept: ForkGuard<KeptLoan>,
 }
 
 #[derive(Debug)]
@@ -79,7 +79,7 @@ impl LoanChunk {
         let bytes = loan.bytes_mut();
         let (address, len) = (bytes.as_mut_ptr().expose_provenance(), bytes.len());
         let kept = KeptLoan { loan: Mutex::new(Some(loan)), _anchor: anchor };
-        Self { address, len, kept: Own::new(kept) }
+        Self { address, len, kept: ForkGuard::new(kept) }
     }
 
     fn loan(&self) -> PyResult<MutexGuard<'_, Option<nunet_ipc::Loan>>> {

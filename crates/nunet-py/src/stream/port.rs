@@ -13,7 +13,7 @@ use super::errors::ipc_error;
 use super::late::Served;
 use super::layout::ImageLayout;
 use crate::error::{NunetError, hinted};
-use crate::own::Own;
+use crate::fork_guard::ForkGuard;
 
 /// The name of the class in messages.
 const NAME: &str = "publisher";
@@ -40,7 +40,7 @@ pub(super) struct ImageOrigin {
 pub(super) struct ImageTopic {
     pub(super) source: ImageOrigin,
     copied: AtomicU64,
-    open: Own<Served<OpenTopic>>,
+    open: ForkGuard<Served<OpenTopic>>,
 }
 
 #[derive(Debug)]
@@ -73,7 +73,7 @@ impl ImageTopic {
         let open = OpenTopic { anchor: Arc::new(Mutex::new(anchor)), publisher, sequence: 0 };
         // An error is reported when the next image is sent, because sending does the same.
         let open = Served::start(open, |open| drop(open.publisher.refresh()))?;
-        Ok(Self { source, copied: AtomicU64::new(0), open: Own::new(open) })
+        Ok(Self { source, copied: AtomicU64::new(0), open: ForkGuard::new(open) })
     }
 
     fn open(&self) -> PyResult<MutexGuard<'_, Option<OpenTopic>>> {

@@ -9,8 +9,8 @@ use pyo3::prelude::*;
 
 use super::header::VIOLATION;
 use crate::error::{NunetError, hinted};
+use crate::fork_guard::ForkGuard;
 use crate::memory::{ArrayLayout, Memory, array};
-use crate::own::Own;
 
 /// Bytes of a float, the largest array element here.
 const ELEMENT: usize = size_of::<f32>();
@@ -26,7 +26,7 @@ pub(super) struct TopicMessage {
     len: usize,
     topic: Topic,
     // A fork must not release it. The lock is never taken: it makes the frame `Sync`.
-    _frame: Own<Mutex<nunet_ipc::Message>>,
+    _frame: ForkGuard<Mutex<nunet_ipc::Message>>,
 }
 
 // SAFETY: `_frame` borrows the chunk that `address` and `len` describe, and keeps it mapped and unchanged until it is
@@ -47,7 +47,7 @@ impl TopicMessage {
             address: bytes.as_ptr().expose_provenance(),
             len: bytes.len(),
             topic: frame.topic(),
-            _frame: Own::new(Mutex::new(frame)),
+            _frame: ForkGuard::new(Mutex::new(frame)),
         }
     }
 

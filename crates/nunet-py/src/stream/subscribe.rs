@@ -17,7 +17,7 @@ use super::wait::{self, Deadline, MAX_WAIT};
 use crate::argument;
 use crate::array::import_numpy;
 use crate::error::{NunetError, hinted};
-use crate::own::Own;
+use crate::fork_guard::ForkGuard;
 
 /// The name of the class in messages.
 const NAME: &str = "subscriber";
@@ -78,7 +78,7 @@ fn subscribe(
     let topics = topics.map_or_else(|| Ok(vec![Topic::Depth]), topics_of)?;
     let timeout = wait::timeout(timeout)?;
     let reader = open(py, &camera, &topics, timeout)?;
-    let feed = Own::new(SharedFeed::new(Feed::new(reader, topics.clone())));
+    let feed = ForkGuard::new(SharedFeed::new(Feed::new(reader, topics.clone())));
     Ok(Subscriber { camera, topics, timeout, feed })
 }
 
@@ -100,7 +100,7 @@ pub(crate) struct Subscriber {
     camera: CameraName,
     topics: Vec<Topic>,
     timeout: Option<Duration>,
-    feed: Own<SharedFeed>,
+    feed: ForkGuard<SharedFeed>,
 }
 
 impl Subscriber {
@@ -112,7 +112,7 @@ impl Subscriber {
         let Some(feed) = borrowed.feed.as_mut() else { return Ok(None) };
         loop {
             let over = deadline.is_over();
-            let found = py.detach(|| feed.look(deadline.next_wait())).map_err(ipc_error)?;
+            let found = py.detach(|| feed.poll(deadline.next_wait())).map_err(ipc_error)?;
             if let Some(arrival) = found {
                 return self.frame(py, arrival).map(Some);
             }
@@ -159,7 +159,7 @@ impl Subscriber {
             TakenFeed::Closed => return Err(self.closed_error()),
         };
         let Some(feed) = borrowed.feed.as_mut() else { return Ok(None) };
-        let found = py.detach(|| feed.look(timeout)).map_err(ipc_error)?;
+        let found = py.detach(|| feed.poll(timeout)).map_err(ipc_error)?;
         found.map(|arrival| self.frame(py, arrival)).transpose()
     }
 

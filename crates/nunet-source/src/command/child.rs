@@ -44,7 +44,7 @@ pub(super) struct Ended {
     /// `None` if it had to be killed, or its end is unknown.
     status: Option<ExitStatus>,
     /// The last line on standard error.
-    pub(super) said: String,
+    pub(super) last_line: String,
 }
 
 impl Running {
@@ -78,7 +78,7 @@ impl Running {
     /// Ends the program if it still runs.
     pub(super) fn end(mut self) -> Ended {
         let status = self.child.take().and_then(end);
-        Ended { status, said: self.errors.get() }
+        Ended { status, last_line: self.errors.get() }
     }
 }
 
@@ -96,13 +96,17 @@ impl Ended {
             Some((None, Some(signal))) => format!("signal {signal} ended it"),
             _ => "it closed its output".to_owned(),
         };
-        if self.said.is_empty() { status } else { format!("{status}: {}", self.said) }
+        if self.last_line.is_empty() { status } else { format!("{status}: {}", self.last_line) }
     }
 
     /// What a shell could not run.
     pub(super) fn never_starts(&self) -> Option<&str> {
         let is_refused = matches!(self.status?.code()?, CANNOT_RUN | NOT_FOUND);
-        is_refused.then_some(if self.said.is_empty() { "the shell cannot run it" } else { &self.said })
+        is_refused.then_some(if self.last_line.is_empty() {
+            "the shell cannot run it"
+        } else {
+            &self.last_line
+        })
     }
 }
 

@@ -249,9 +249,10 @@ impl Source for ProgramSource {
 impl ProgramSource {
     fn lose_silent(&mut self) -> Fill {
         if let Some(running) = self.running.take() {
-            let said = running.end().said;
+            let last_line = running.end().last_line;
             let limit = self.silence_limit();
-            let after = if said.is_empty() { String::new() } else { format!("; it last wrote: {said}") };
+            let after =
+                if last_line.is_empty() { String::new() } else { format!("; it last wrote: {last_line}") };
             self.report(&format!("no image for {} s{after}", limit.as_secs()));
         }
         Fill::Nothing

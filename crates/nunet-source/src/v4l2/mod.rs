@@ -131,11 +131,11 @@ impl<H: Host> V4l2Camera<H> {
             error.context(format!("cannot use the camera `{}`", path.display()))
         })?;
         let video = Self::lost(host, path, requested);
-        video.tell(&stream, "");
+        video.log_mode(&stream, "");
         Ok(Self { stream: Some(stream), ..video })
     }
 
-    fn tell(&self, stream: &StartedDevice, how: &str) {
+    fn log_mode(&self, stream: &StartedDevice, how: &str) {
         let (path, StartedDevice { mode, name, .. }) = (self.path.display(), stream);
         if mode.fulfils(self.requested) {
             info!("camera `{path}` ({name}){how}: {mode}");
@@ -189,7 +189,7 @@ impl<H: Host> V4l2Camera<H> {
         if self.health.recovers()
             && let Some(stream) = &self.stream
         {
-            self.tell(stream, " is back");
+            self.log_mode(stream, " is back");
         }
     }
 

@@ -130,9 +130,9 @@ fn lamplight(solids: &[Solid], point: Vec3, normal: Vec3) -> Vec3 {
 
 /// Light from a small source at `source`; `shows` returns its visible share along a direction.
 fn arriving(solids: &[Solid], point: Vec3, normal: Vec3, source: Vec3, shows: impl Fn(Vec3) -> f32) -> f32 {
-    let way = source - point;
-    let length = way.length();
-    let direction = way * (1.0 / length);
+    let to_source = source - point;
+    let length = to_source.length();
+    let direction = to_source * (1.0 / length);
     let facing = normal.dot(direction) * shows(direction);
     if normal.dot(direction) <= 0.0 || facing <= 0.0 || distance(solids, point, direction) < length {
         return 0.0;

@@ -87,7 +87,7 @@ impl DemoScene {
     ) {
         let pixels = self.renderer.depth_m().len();
         assert_eq!(rgb.len(), 3 * pixels, "three bytes for each pixel");
-        self.renderer.look(&self.solids, &path::pose(self.seed, frame_index));
+        self.renderer.trace(&self.solids, &path::pose(self.seed, frame_index));
         self.renderer.paint(&self.solids, &self.light, rgb);
         if let Some(depth_m) = depth_m {
             depth_m.copy_from_slice(self.renderer.depth_m());

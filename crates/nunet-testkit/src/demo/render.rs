@@ -58,7 +58,7 @@ impl Renderer {
     }
 
     /// Finds the nearest surface at each pixel.
-    pub(super) fn look(&mut self, solids: &[Solid], pose: &Pose) {
+    pub(super) fn trace(&mut self, solids: &[Solid], pose: &Pose) {
         self.depth_m.fill(f32::INFINITY);
         self.rays.clear();
         for (number, solid) in solids.iter().enumerate() {
@@ -98,7 +98,7 @@ impl Renderer {
         }
     }
 
-    /// Writes the color of what [`Renderer::look`] found, `[height][width][3]`.
+    /// Writes the color of what [`Renderer::trace`] found, `[height][width][3]`.
     pub(super) fn paint(&self, solids: &[Solid], light: &LightMap, rgb: &mut [u8]) {
         let mut pixels = rgb.as_chunks_mut().0.iter_mut();
         for row in 0..self.height {
@@ -119,7 +119,7 @@ impl Renderer {
         }
     }
 
-    /// Writes the class of what [`Renderer::look`] found, `[height][width]`.
+    /// Writes the class of what [`Renderer::trace`] found, `[height][width]`.
     pub(super) fn label(&self, solids: &[Solid], labels: &mut [u8]) {
         for (label, surface) in labels.iter_mut().zip(&self.surfaces) {
             let surface = usize::from(*surface);

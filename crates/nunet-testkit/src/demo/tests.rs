@@ -88,7 +88,7 @@ fn depth_ends_on_the_first_surface() {
     let mut renderer = Renderer::new(intrinsics, solids.len());
     for frame_index in [0, 217, 451, 700] {
         let pose = pose(3, frame_index);
-        renderer.look(&solids, &pose);
+        renderer.trace(&solids, &pose);
         for (pixel, depth_m) in renderer.depth_m().iter().enumerate().step_by(37) {
             let x = (f64::from(pixel as u32 % WIDTH) - intrinsics.cx_px) / intrinsics.fx_px;
             let y = (f64::from(pixel as u32 / WIDTH) - intrinsics.cy_px) / intrinsics.fy_px;
@@ -96,8 +96,8 @@ fn depth_ends_on_the_first_surface() {
             let end = distance_to_nearest(&solids, pose.position + ray * *depth_m);
             assert!(end.abs() < 1e-4, "pixel {pixel} of frame {frame_index} ends {end} m from a surface");
             for step in 1..100 {
-                let way = pose.position + ray * (*depth_m * step as f32 / 100.0);
-                assert!(distance_to_nearest(&solids, way) > -1e-4, "pixel {pixel} of frame {frame_index}");
+                let point = pose.position + ray * (*depth_m * step as f32 / 100.0);
+                assert!(distance_to_nearest(&solids, point) > -1e-4, "pixel {pixel} of frame {frame_index}");
             }
         }
     }

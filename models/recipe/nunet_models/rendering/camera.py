@@ -70,8 +70,8 @@ class Motion:
             for axis, (start, speed) in enumerate(zip(self.start_m, self.velocity, strict=True))
         ]
         yaw, pitch = (
-            look + speed * t + 0.15 * _tremor(t, axis)
-            for axis, (look, speed) in enumerate(zip(self.look_deg, self.turn, strict=True), 3)
+            angle + speed * t + 0.15 * _tremor(t, axis)
+            for axis, (angle, speed) in enumerate(zip(self.look_deg, self.turn, strict=True), 3)
         )
         roll = 0.8 + 0.2 * _tremor(t, 5)
         return Matrix.Translation(eye) @ turned(yaw, pitch, roll)

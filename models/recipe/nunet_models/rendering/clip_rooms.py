@@ -28,7 +28,7 @@ def living_room(random: Random) -> Shot:
     """Sofa below the window, a television on a sideboard, a bookcase, an armchair."""
     maker = Maker(random)
     room = shell.Shell(4.4, 4.9, 2.6)
-    hole = shell.Opening(2.55, 4.05, 0.88, 2.2)
+    hole = shell.WallOpening(2.55, 4.05, 0.88, 2.2)
     room.build(
         maker,
         floor=materials.floorboards((0.3, 0.17, 0.085)),
@@ -118,7 +118,7 @@ def bedroom(random: Random) -> Shot:
     """A double bed, a wardrobe, nightstands with a lamp, a chair with clothes."""
     maker = Maker(random)
     room = shell.Shell(4.1, 4.3, 2.5)
-    hole = shell.Opening(0.45, 1.6, 0.9, 2.1)
+    hole = shell.WallOpening(0.45, 1.6, 0.9, 2.1)
     room.build(
         maker,
         floor=materials.carpet((0.32, 0.27, 0.21)),
@@ -183,7 +183,7 @@ def study(random: Random) -> Shot:
     """A desk with a monitor, a table with chairs, shelves on the wall, a door."""
     maker = Maker(random)
     room = shell.Shell(4.6, 4.5, 2.6)
-    hole = shell.Opening(2.3, 3.7, 0.95, 2.2)
+    hole = shell.WallOpening(2.3, 3.7, 0.95, 2.2)
     room.build(
         maker,
         floor=materials.floorboards((0.4, 0.27, 0.15)),

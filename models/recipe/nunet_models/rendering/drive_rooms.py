@@ -85,8 +85,8 @@ def _keep(f: Furnisher, x: float, y: float, width: float, depth: float) -> Maker
 
 def _living(maker: Maker, path: RobotPath) -> None:
     room = LIVING
-    hole = shell.Opening(1.6, 3.4, 0.85, 2.2)
-    door = shell.Opening(*FIRST_DOOR, 0, DOOR_TOP_M)
+    hole = shell.WallOpening(1.6, 3.4, 0.85, 2.2)
+    door = shell.WallOpening(*FIRST_DOOR, 0, DOOR_TOP_M)
     room.build(
         maker,
         floor=materials.floorboards((0.33, 0.2, 0.1)),
@@ -140,10 +140,10 @@ def _furnish_living(maker: Maker, path: RobotPath) -> None:
 
 def _corridor(maker: Maker, path: RobotPath) -> None:
     room, (x0, _) = CORRIDOR, CORRIDOR_AT
-    near = shell.Opening(
+    near = shell.WallOpening(
         room.width - (FIRST_DOOR[1] - x0), room.width - (FIRST_DOOR[0] - x0), 0, DOOR_TOP_M
     )
-    far = shell.Opening(SECOND_DOOR[0] - x0, SECOND_DOOR[1] - x0, 0, DOOR_TOP_M)
+    far = shell.WallOpening(SECOND_DOOR[0] - x0, SECOND_DOOR[1] - x0, 0, DOOR_TOP_M)
     room.build(
         maker,
         floor=materials.tiles((0.5, 0.47, 0.42), 0.45),
@@ -180,8 +180,8 @@ def _corridor(maker: Maker, path: RobotPath) -> None:
 
 def _office(maker: Maker, path: RobotPath) -> None:
     room, (x0, y0) = OFFICE, OFFICE_AT
-    hole = shell.Opening(1.2, 3.4, 0.9, 2.15)
-    door = shell.Opening(
+    hole = shell.WallOpening(1.2, 3.4, 0.9, 2.15)
+    door = shell.WallOpening(
         room.width - (SECOND_DOOR[1] - x0), room.width - (SECOND_DOOR[0] - x0), 0, DOOR_TOP_M
     )
     room.build(
@@ -221,7 +221,7 @@ def _door_frames(maker: Maker) -> None:
         (FIRST_DOOR, LIVING.depth, "left", 97),
         (SECOND_DOOR, CORRIDOR_AT[1] + CORRIDOR.depth, "right", 62),
     ):
-        hole = shell.Opening(left, right, 0, DOOR_TOP_M)
+        hole = shell.WallOpening(left, right, 0, DOOR_TOP_M)
         surroundings.line_doorway(maker.at(0, y), hole, WALL_M)
         x = left + 0.03 if hinge == "left" else right - 0.03
         leaf = maker.of("wall").at(x, y + WALL_M + 0.02, turn=turn)

@@ -15,7 +15,7 @@ Range = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class Kind:
+class RoomKind:
     """What rooms of a kind have in common: ranges in meters, shares from 0 to 1."""
 
     width: Range
@@ -109,16 +109,16 @@ def _empty(f: Furnisher) -> None:
     f.some(f.boxes, 0, 2)
 
 
-KINDS: dict[str, Kind] = {
-    "living": Kind((3, 7), (3, 7), (2.3, 3.0), _living, weight=1.4),
-    "bedroom": Kind((2.6, 5), (2.8, 5), (2.3, 2.8), _bedroom),
-    "office": Kind((3, 10), (3, 8), (2.5, 3.2), _office, panels=0.7, weight=1.4),
-    "kitchen": Kind((2.2, 5), (2.6, 5), (2.3, 2.8), _kitchen),
-    "corridor": Kind((1.3, 2.8), (5, 14), (2.3, 3.0), _corridor, windows=0.3, panels=0.6),
-    "stairwell": Kind((2.5, 6), (4, 8), (2.6, 4.0), _stairwell, windows=0.5),
-    "warehouse": Kind((7, 16), (8, 18), (3.5, 6.5), _warehouse, windows=0.3, panels=0.9),
-    "workshop": Kind((4, 9), (4, 9), (2.6, 4.0), _workshop, panels=0.7),
-    "empty": Kind((2.5, 8), (2.5, 8), (2.3, 3.2), _empty, weight=0.7),
+KINDS: dict[str, RoomKind] = {
+    "living": RoomKind((3, 7), (3, 7), (2.3, 3.0), _living, weight=1.4),
+    "bedroom": RoomKind((2.6, 5), (2.8, 5), (2.3, 2.8), _bedroom),
+    "office": RoomKind((3, 10), (3, 8), (2.5, 3.2), _office, panels=0.7, weight=1.4),
+    "kitchen": RoomKind((2.2, 5), (2.6, 5), (2.3, 2.8), _kitchen),
+    "corridor": RoomKind((1.3, 2.8), (5, 14), (2.3, 3.0), _corridor, windows=0.3, panels=0.6),
+    "stairwell": RoomKind((2.5, 6), (4, 8), (2.6, 4.0), _stairwell, windows=0.5),
+    "warehouse": RoomKind((7, 16), (8, 18), (3.5, 6.5), _warehouse, windows=0.3, panels=0.9),
+    "workshop": RoomKind((4, 9), (4, 9), (2.6, 4.0), _workshop, panels=0.7),
+    "empty": RoomKind((2.5, 8), (2.5, 8), (2.3, 3.2), _empty, weight=0.7),
 }
 
 

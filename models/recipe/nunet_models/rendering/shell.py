@@ -16,7 +16,7 @@ WHITE_PAINT = (0.72, 0.71, 0.68)
 
 
 @dataclass(frozen=True)
-class Opening:
+class WallOpening:
     """A window's hole in a wall: from the wall's left end, and heights above the floor."""
 
     left: float
@@ -53,7 +53,7 @@ class Shell:
         *,
         floor: bpy.types.Material,
         paint: dict[str, bpy.types.Material],
-        openings: dict[str, Opening | list[Opening]],
+        openings: dict[str, WallOpening | list[WallOpening]],
     ) -> None:
         """Floor, ceiling, four walls with their openings, skirting boards."""
         middle, size = (self.width / 2, self.depth / 2), (self.width + 1, self.depth + 1)
@@ -76,10 +76,10 @@ class Shell:
 
 
 def _around(
-    holes: Opening | list[Opening] | None, length: float, height: float
+    holes: WallOpening | list[WallOpening] | None, length: float, height: float
 ) -> list[tuple[float, float, float, float]]:
     """The pieces of a wall around its openings; the ends reach into the corners."""
-    holes = [holes] if isinstance(holes, Opening) else sorted(holes or [], key=lambda o: o.left)
+    holes = [holes] if isinstance(holes, WallOpening) else sorted(holes or [], key=lambda o: o.left)
     pieces, start = [], -WALL_THICKNESS
     for hole in holes:
         pieces.append((start, hole.left, 0, height))
@@ -92,7 +92,9 @@ def _around(
     return [*pieces, (start, length + WALL_THICKNESS, 0, height)]
 
 
-def window(facing: Maker, hole: Opening, *, daylight: float, view: float, casements: int) -> None:
+def window(
+    facing: Maker, hole: WallOpening, *, daylight: float, view: float, casements: int
+) -> None:
     """Frame, pane, sill and the light that comes in; `daylight` in watts, `view` its brightness."""
     facing = facing.of("window")
     white = materials.paint((0.78, 0.78, 0.77), 0.3)
@@ -200,7 +202,7 @@ def switch(facing: Maker, x: float, z: float) -> None:
 
 
 def curtains(
-    facing: Maker, hole: Opening, cloth: bpy.types.Material, *, width: float, floor_gap: float
+    facing: Maker, hole: WallOpening, cloth: bpy.types.Material, *, width: float, floor_gap: float
 ) -> None:
     """Two drawn-back curtains on a rod."""
     facing = facing.of("window")

@@ -56,10 +56,10 @@ def floor_surface(random: Random) -> bpy.types.Material:
 
 def add_openings(
     f: Furnisher, windows: float
-) -> tuple[dict[str, shell.Opening], tuple[str, shell.Opening] | None]:
+) -> tuple[dict[str, shell.WallOpening], tuple[str, shell.WallOpening] | None]:
     """Windows by wall, and a doorway on a wall without a window."""
     random, room = f.random, f.room
-    holes: dict[str, shell.Opening] = {}
+    holes: dict[str, shell.WallOpening] = {}
     sides = list(SIDES)
     random.shuffle(sides)
     for side in sides[: random.choice((1, 1, 2)) if random.random() < windows else 0]:
@@ -71,7 +71,7 @@ def add_openings(
         sill = random.choice((0.15, random.uniform(0.7, 1.1)))
         if room.height > 3.2:
             sill += room.height - 3.2
-        holes[side] = shell.Opening(
+        holes[side] = shell.WallOpening(
             left, left + width, sill, min(sill + random.uniform(1.0, 1.9), room.height - 0.2)
         )
         f.walls_taken.append((side, left - 0.3, left + width + 0.3))
@@ -86,10 +86,10 @@ def add_openings(
             shell.door(facing, left)
             shell.switch(facing, left + 1.05, 1.08)
         return holes, None
-    return holes, (side, shell.Opening(left, left + random.uniform(0.8, 1.0), 0, 2.05))
+    return holes, (side, shell.WallOpening(left, left + random.uniform(0.8, 1.0), 0, 2.05))
 
 
-def add_annex(f: Furnisher, side: str, hole: shell.Opening) -> None:
+def add_annex(f: Furnisher, side: str, hole: shell.WallOpening) -> None:
     """A second room behind a doorway."""
     random = f.random
     facing, _ = f.room.wall(f.maker, side)
@@ -99,7 +99,7 @@ def add_annex(f: Furnisher, side: str, hole: shell.Opening) -> None:
     annex = shell.Shell(width, depth, min(f.room.height, 2.6))
     # A little lower, so that floors and ceilings that overlap are not in one plane.
     behind = facing.at(offset, thick, -0.003)
-    mirrored = shell.Opening(
+    mirrored = shell.WallOpening(
         width - (hole.right - offset), width - (hole.left - offset), 0, hole.top
     )
     annex.build(
@@ -120,7 +120,7 @@ def add_annex(f: Furnisher, side: str, hole: shell.Opening) -> None:
     inner.boxes()
 
 
-def line_doorway(facing: Maker, hole: shell.Opening, thick: float) -> None:
+def line_doorway(facing: Maker, hole: shell.WallOpening, thick: float) -> None:
     """White boards on the sides and the top of a doorway in a wall."""
     white = materials.paint(shell.WHITE_PAINT)
     frame = facing.of("wall")
@@ -131,7 +131,7 @@ def line_doorway(facing: Maker, hole: shell.Opening, thick: float) -> None:
 
 
 def add_light(
-    f: Furnisher, panels: float, holes: dict[str, shell.Opening]
+    f: Furnisher, panels: float, holes: dict[str, shell.WallOpening]
 ) -> tuple[float, float, float]:
     """Windows, sun and lamps; the ambient light in place of further bounces."""
     random, room = f.random, f.room

@@ -11,11 +11,11 @@ from nunet_models.data.sets.mixture import Mixture, mixture_summary
 
 
 def run_provenance(options: argparse.Namespace, data: dict[str, Any]) -> dict[str, Any]:
-    """Data, initial weights and what is not in the settings of one component's run.
+    """Data, initial weights and regularization of one component's run; its settings have the rest.
 
-    `data` is `folder_provenance` or `sets_provenance`.
-    `origin` names the weights that options gave and is empty for random weights. Files and
-    folders are recorded by name, without their path, which differs between machines.
+    `data` is the result of `folder_provenance` or `sets_provenance`. `origin` names the options
+    that gave initial weights, with their files, and is empty for random weights. Files and folders
+    are recorded by name, without their path, which differs between machines.
     """
     return {
         "data": data,

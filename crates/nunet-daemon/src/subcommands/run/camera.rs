@@ -173,7 +173,7 @@ impl<'a> PreparedCamera<'a> {
     /// Checks whether the obstacles fit the model, and the camera the first image of files.
     pub(super) fn check(self, mut pipeline: Pipeline, several: bool) -> anyhow::Result<()> {
         let Self { plan, mut source, mut camera } = self;
-        let mut look = || -> anyhow::Result<()> {
+        let mut check = || -> anyhow::Result<()> {
             obstacle_stage(plan.config.obstacles, &pipeline)?;
             let is_live = plan.config.source.name.properties().is_live();
             match (!is_live).then(|| first_frame(&mut *source)).transpose()?.flatten() {
@@ -181,7 +181,7 @@ impl<'a> PreparedCamera<'a> {
                 None => Ok(()),
             }
         };
-        look().map_err(|error| in_camera(error, plan.name(), several))
+        check().map_err(|error| in_camera(error, plan.name(), several))
     }
 
     /// Reserves the camera's memory.

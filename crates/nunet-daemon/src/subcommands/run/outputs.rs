@@ -51,9 +51,9 @@ impl OutputPaths {
     ) -> anyhow::Result<()> {
         let several = self.cameras.len() > 1;
         let of_camera =
-            |path: &Option<PathBuf>, camera: &CameraOutputs, look: &dyn Fn(&Path) -> anyhow::Result<()>| {
-                let looked = path.as_deref().map_or(Ok(()), look);
-                looked.map_err(|error| in_camera(error, &camera.name, several))
+            |path: &Option<PathBuf>, camera: &CameraOutputs, action: &dyn Fn(&Path) -> anyhow::Result<()>| {
+                let done = path.as_deref().map_or(Ok(()), action);
+                done.map_err(|error| in_camera(error, &camera.name, several))
             };
         self.cameras.iter().try_for_each(|camera| of_camera(&camera.folder, camera, &folder))?;
         self.cameras.iter().try_for_each(|camera| of_camera(&camera.record, camera, &file))?;

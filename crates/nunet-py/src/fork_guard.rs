@@ -8,13 +8,13 @@ use crate::error::{NunetError, hinted};
 /// A value that belongs to the process that made it. A fork can neither use nor drop it: dropping would remove files,
 /// release memory that the parent still uses, or wait for threads that a fork does not have.
 #[derive(Debug)]
-pub(crate) struct Own<T> {
+pub(crate) struct ForkGuard<T> {
     // `None` only while it is dropped.
     value: Option<T>,
     pid: u32,
 }
 
-impl<T> Own<T> {
+impl<T> ForkGuard<T> {
     pub(crate) fn new(value: T) -> Self {
         Self { value: Some(value), pid: std::process::id() }
     }
@@ -39,7 +39,7 @@ impl<T> Own<T> {
     }
 }
 
-impl<T> Drop for Own<T> {
+impl<T> Drop for ForkGuard<T> {
     fn drop(&mut self) {
         if self.pid != std::process::id() {
             std::mem::forget(self.value.take());

@@ -9,7 +9,7 @@ use nunet_daemon::source::{
 use nunet_engine::{Inferred, Model};
 
 /// A recording, read from its beginning.
-pub(crate) struct Player {
+pub(crate) struct ImageReplay {
     source: Rotated<RecordingSource>,
     is_rotated: bool,
     camera: Option<Camera>,
@@ -22,7 +22,7 @@ pub(crate) struct Player {
 
 /// An image of a recording, with its results.
 #[derive(Debug)]
-pub(crate) struct Played {
+pub(crate) struct ReplayedImage {
     /// The results.
     pub(crate) inferred: Inferred,
     /// `false` if the camera's factor of depth is for another model.
@@ -35,11 +35,11 @@ pub(crate) struct Played {
     pub(crate) frame_id: Option<String>,
 }
 
-/// The outcome of [`Player::step`].
+/// The outcome of [`ImageReplay::step`].
 #[derive(Debug)]
-pub(crate) enum PlayerStep {
+pub(crate) enum ReplayedStep {
     /// The results of an image.
-    Played(Box<Played>),
+    Image(Box<ReplayedImage>),
     /// An image that cannot be read. The next one may be good.
     Lost {
         /// Its index, from 0.
@@ -53,7 +53,7 @@ pub(crate) enum PlayerStep {
     End,
 }
 
-impl Player {
+impl ImageReplay {
     /// Opens a recording. `topic` selects one of several image topics, and `camera` overrides the recording's own; it
     /// describes the images before they are rotated.
     ///
@@ -88,23 +88,23 @@ impl Player {
     ///
     /// # Errors
     /// The file is damaged or cut off at this point. All images before were returned.
-    pub(crate) fn step(&mut self, model: &mut Model) -> anyhow::Result<PlayerStep> {
+    pub(crate) fn step(&mut self, model: &mut Model) -> anyhow::Result<ReplayedStep> {
         let sequence = |frame: &Frame| frame.sequence;
         match self.source.fill(&mut self.frame) {
             Fill::Frame => Ok(match self.process(model) {
-                Ok(played) => PlayerStep::Played(Box::new(played)),
-                Err(error) => PlayerStep::Lost { sequence: sequence(&self.frame), error },
+                Ok(played) => ReplayedStep::Image(Box::new(played)),
+                Err(error) => ReplayedStep::Lost { sequence: sequence(&self.frame), error },
             }),
             Fill::Failed(error) => {
-                Ok(PlayerStep::Lost { sequence: sequence(&self.frame), error: error.into() })
+                Ok(ReplayedStep::Lost { sequence: sequence(&self.frame), error: error.into() })
             }
-            Fill::Nothing | Fill::Crowded => Ok(PlayerStep::Nothing),
-            Fill::End => Ok(PlayerStep::End),
+            Fill::Nothing | Fill::Crowded => Ok(ReplayedStep::Nothing),
+            Fill::End => Ok(ReplayedStep::End),
             Fill::Cut(error) | Fill::Broken(error) => Err(error.into()),
         }
     }
 
-    fn process(&mut self, model: &mut Model) -> anyhow::Result<Played> {
+    fn process(&mut self, model: &mut Model) -> anyhow::Result<ReplayedImage> {
         let frame = &self.frame;
         let size = frame.size;
         let named = self.camera.map(|camera| camera.fitted_to(size.width, size.height)).transpose()?;
@@ -122,7 +122,7 @@ impl Player {
         }
         let inferred = inferred?;
         self.continuity.took(frame);
-        Ok(Played {
+        Ok(ReplayedImage {
             inferred,
             uses_factor,
             sequence: frame.sequence,
