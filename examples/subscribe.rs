@@ -1,6 +1,6 @@
 //! Reads depth from a running `nunetd`: `subscribe CAMERA [FRAMES]`.
 //!
-//! Prints each frame's sequence number, how long ago its image was taken, and the depth at the image's center.
+//! Prints each frame's sequence number, the time since its capture, and the depth at the image's center.
 
 #![expect(clippy::print_stderr, reason = "messages go to stderr")]
 
@@ -17,17 +17,17 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let reader = Reader::open(&camera, &[Topic::Depth], Duration::from_secs(10))?;
     let mut seen = 0;
     while seen < frames {
-        // A hint: look for a frame whatever it says.
+        // May return early or late, so check for a frame in any case.
         let woken = reader.wait(Duration::from_secs(1))?;
         if let Some(frame) = reader.latest(Topic::Depth)? {
             match writeln!(std::io::stdout(), "{}", line(&frame)?) {
-                // The reader is gone, as in `subscribe demo | head -1`.
+                // The pipe was closed, as in `subscribe demo | head -1`.
                 Err(error) if error.kind() == ErrorKind::BrokenPipe => break,
                 written => written?,
             }
             seen += 1;
         } else if !woken && !reader.is_connected() {
-            eprintln!("nobody publishes camera `{camera}` any more; waiting for the next one");
+            eprintln!("no process publishes camera `{camera}` any more; waiting for the next one");
         }
     }
     Ok(())

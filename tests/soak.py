@@ -91,14 +91,14 @@ class Reader:
             return sorted(ages), self.frames
 
 
-class Visitors:
+class TemporaryReaders:
     """Readers that start and stop: some end by themselves, some on a signal, some are killed."""
 
     def __init__(self, command, folder, seed):
         self.command, self.folder, self.chance, self.next = command, folder, random.Random(seed), 0.0
         self.process, self.count, self.bad = None, 0, []
 
-    def tend(self, now):
+    def update(self, now):
         """Starts a reader, or ends the running one."""
         if now < self.next:
             return
@@ -180,7 +180,7 @@ class Soak:
         self.feeder = subprocess.Popen(feed, cwd=folder)
         self.daemon = subprocess.Popen(run, cwd=folder)
         self.reader = Reader(watch, folder)
-        self.visitors = Visitors(watch, folder, given.seed)
+        self.temporary_readers = TemporaryReaders(watch, folder, given.seed)
 
     def line(self, seconds):
         """One line of the CSV."""
@@ -200,10 +200,10 @@ class Soak:
             due = self.given.interval
             while (seconds := time.monotonic() - start) < 60 * self.given.minutes:
                 time.sleep(0.2)
-                dead = self.dead()
+                dead = self.ended()
                 if dead:
                     return lines, [f"{dead} has ended by itself"]
-                self.visitors.tend(seconds)
+                self.temporary_readers.update(seconds)
                 if seconds >= due:
                     due += self.given.interval
                     lines.append(self.line(seconds))
@@ -212,15 +212,15 @@ class Soak:
                     print("  ".join(f"{name} {value}" for name, value in lines[-1].items()), flush=True)
         return lines, []
 
-    def dead(self):
+    def ended(self):
         """The processes that have ended."""
         all_of_them = {"the feeder": self.feeder, "the daemon": self.daemon, "the reader": self.reader.process}
         return ", ".join(name for name, process in all_of_them.items() if process.poll() is not None)
 
     def stop(self):
         """Stops all processes with SIGTERM, readers first, and returns the problems."""
-        self.visitors.end()
-        problems = [f"a reader ended with {code}" for code in self.visitors.bad]
+        self.temporary_readers.end()
+        problems = [f"a reader ended with {code}" for code in self.temporary_readers.bad]
         ending = {"reader": self.reader.process, "daemon": self.daemon, "feeder": self.feeder}
         for name, process in ending.items():
             process.terminate()
@@ -234,8 +234,8 @@ class Soak:
         return problems
 
 
-def grown(lines, field, limit):
-    """Whether a value grew from the first third of the lines to the last by more than `limit`."""
+def growth_problems(lines, field, limit):
+    """Problems of a value that grew from the first third of the lines to the last by more than `limit`."""
     third = len(lines) // 3
     if third == 0:
         return [f"too few lines to say whether {field} grows: soak longer"]
@@ -247,26 +247,26 @@ def grown(lines, field, limit):
     return [f"{field} grew from {first:.0f} to {last:.0f}"] if last - first > limit else []
 
 
-def standing(lines):
-    """Intervals without a frame for the permanent reader."""
+def gap_problems(lines):
+    """Problems of intervals without a frame for the permanent reader."""
     still = [later for line, later in itertools.pairwise(lines) if later["frames"] <= line["frames"]]
     return [f"no frame came in the interval before second {line['seconds']}" for line in still]
 
 
-def ledger(path):
+def count_problems(path):
     """Problems of the daemon's frame counts."""
     if not path.exists():
         return ["the daemon left no statistics"]
     frames = json.loads(path.read_text())["frames"]
-    print(f"ledger: {frames}")
+    print(f"frames: {frames}")
     ended = frames["published"] + frames["superseded"] + frames["failed"] + frames["in_flight"]
     problems = [] if frames["captured"] == ended else [f"{frames['captured']} frames captured, {ended} accounted for"]
     if frames["in_flight"] or frames["failed"]:
-        problems.append(f"{frames['in_flight']} frames are still in work, {frames['failed']} failed")
+        problems.append(f"{frames['in_flight']} frames are unfinished, {frames['failed']} failed")
     return problems if frames["published"] else [*problems, "no frame was published"]
 
 
-def whole(path):
+def end_problems(path):
     """Problems of the recording's end, where its index and MCAP's magic bytes are."""
     if not path.exists():
         return ["there is no recording"]
@@ -288,7 +288,7 @@ def main():
             world.left()
             raise
         problems += soak.stop()
-        problems += ledger(soak.stats) + whole(soak.recording)
+        problems += count_problems(soak.stats) + end_problems(soak.recording)
         problems += [f"left behind: {path}" for path in world.left()]
     counted = [line for line in lines if line["seconds"] >= given.warm_up]
     limits = {
@@ -302,9 +302,9 @@ def main():
         "daemon_threads": 0,
     }
     for field, limit in limits.items():
-        problems += grown(counted, field, limit)
-    problems += standing(counted)
-    print(f"{soak.visitors.count} readers came and went")
+        problems += growth_problems(counted, field, limit)
+    problems += gap_problems(counted)
+    print(f"{soak.temporary_readers.count} readers came and went")
     for problem in problems:
         print(f"error: {problem}", file=sys.stderr)
     return 1 if problems else 0

@@ -1,6 +1,6 @@
-/* A camera of its own: publish CAMERA [FRAMES], for nunetd --source shm:CAMERA. How to compile it: docs/book/shared-memory.md.
+/* A camera driver: publish CAMERA [FRAMES], for nunetd --source shm:CAMERA. How to compile it: docs/book/shared-memory.md.
  *
- * Writes a moving pattern straight into shared memory, 30 times a second. */
+ * Writes a moving pattern directly into shared memory, 30 times a second. */
 #define _POSIX_C_SOURCE 200809L
 #include <stdio.h>
 #include <stdlib.h>

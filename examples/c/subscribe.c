@@ -16,7 +16,7 @@ static int print(const nunet_frame_t *frame) {
   const nunet_header_t *header;
   const float *depth; /* a view of shared memory */
   uint32_t width, height;
-  int64_t age_nanos; /* INT64_MIN where the camera does not know */
+  int64_t age_nanos; /* INT64_MIN if the capture time is unknown */
   double age_ms;
   if (nunet_frame_header(frame, &header) || nunet_frame_depth(frame, &depth, &width, &height)) return 0;
   if (nunet_frame_age(frame, &age_nanos)) return 0;

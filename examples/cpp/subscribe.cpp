@@ -20,7 +20,7 @@ int main(int argc, char **argv) try {
       continue;
     }
     const nunet::Frame &frame = (*set)[NUNET_TOPIC_DEPTH];
-    const auto depth = frame.depth(); // a view of shared memory, as long as the set lives
+    const auto depth = frame.depth(); // a view of shared memory, valid as long as the set
     const auto labels = (*set)[NUNET_TOPIC_LABELS].labels();
     const auto x = depth.width / 2, y = depth.height / 2;
     const auto age_ms = std::chrono::duration<double, std::milli>(frame.age().value_or(0ns)).count();

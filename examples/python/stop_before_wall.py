@@ -1,4 +1,4 @@
-"""A speed that stops the robot before the nearest thing ahead, from the obstacles of a running daemon.
+"""A speed that stops the robot before the nearest obstacle ahead, as reported by a running nunetd.
 
 Run `nunetd --camera front --mount 0.1,0,0.25,0,-0.07,0`, then `python stop_before_wall.py front`.
 """
@@ -33,5 +33,5 @@ def main() -> None:
 if __name__ == "__main__":
     try:
         main()
-    except BrokenPipeError:  # the reader is gone, as in `stop_before_wall.py front | head -1`
+    except BrokenPipeError:  # the pipe was closed, as in `stop_before_wall.py front | head -1`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

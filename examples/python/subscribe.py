@@ -26,7 +26,7 @@ def line(frame: nunet.Frame) -> str:
 
 
 def main(camera: str, count: int | None) -> None:
-    """Print frames until `count`, Ctrl-C, or the end of the daemon."""
+    """Print frames until `count`, Ctrl-C, or the end of nunetd."""
     with nunet.subscribe(camera, topics=["depth"], timeout=5.0) as frames:
         for seen, frame in enumerate(frames, start=1):
             print(line(frame), flush=True)
@@ -44,5 +44,5 @@ if __name__ == "__main__":
         sys.exit(f"subscribe: {error}")
     except KeyboardInterrupt:
         sys.exit(130)
-    except BrokenPipeError:  # the reader is gone, as in `subscribe.py demo | head -1`
+    except BrokenPipeError:  # the pipe was closed, as in `subscribe.py demo | head -1`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -41,7 +41,7 @@ def nunetd() -> str:
 
 @pytest.fixture
 def view(tmp_path: Path) -> Iterator[View]:
-    """nunetd on one image of the bundled clip, again and again: every frame has the same depth."""
+    """nunetd on one image of the bundled clip in a loop, so that every frame has the same depth."""
     intrinsics = os.environ.get("NUNET_VIEW_INTRINSICS", "518.86,519.47,325.58,253.74@640x480")
     yield from repeated_image(tmp_path, ROOT / "models/clip/rgb", ["--intrinsics", intrinsics])
 
@@ -54,7 +54,7 @@ def robot_view(tmp_path: Path) -> Iterator[View]:
 
 
 def repeated_image(tmp_path: Path, folder: Path, arguments: list[str]) -> Iterator[View]:
-    """nunetd on the first image of a folder, again and again."""
+    """nunetd on the first image of a folder, in a loop."""
     images = tmp_path / "images"
     images.mkdir()
     shutil.copy(min(folder.iterdir()), images)
@@ -106,7 +106,7 @@ def wait_until(page: Page, expression: str, argument: object = None) -> None:
 
 
 class Watched:
-    """A page, with everything that went wrong on it."""
+    """A page, with its errors and warnings."""
 
     def __init__(self, page: Page) -> None:
         """Listens before anything is loaded."""

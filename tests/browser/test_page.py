@@ -1,4 +1,4 @@
-"""The page: what it shows, in a real browser. Screenshots lie in target/browser/."""
+"""The page in a real browser. Screenshots are written to target/browser/."""
 
 import io
 import json

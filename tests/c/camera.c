@@ -1,4 +1,4 @@
-/* camera NAME ENCODING WIDTH HEIGHT FRAMES: publishes gray images in one encoding, fast, for a daemon to read. */
+/* camera NAME ENCODING WIDTH HEIGHT FRAMES: publishes gray images in one encoding, 50 per second. */
 #define _POSIX_C_SOURCE 200809L
 #include <stdio.h>
 #include <stdlib.h>

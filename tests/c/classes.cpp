@@ -1,5 +1,5 @@
-// classes CAMERA OWN: the objects of nunet.hpp own, move, throw and give back. CAMERA is a living daemon's; OWN is a name
-// that nobody uses.
+// classes CAMERA OWN: ownership, moves, exceptions and release of the objects of nunet.hpp. A running nunetd publishes
+// CAMERA; no process publishes OWN.
 #include <algorithm>
 #include <cstdlib>
 #include <iostream>
@@ -56,8 +56,8 @@ static void reading(const std::string &camera) {
     kept = set->take(NUNET_TOPIC_DEPTH);
     HOLDS(!set->has(NUNET_TOPIC_DEPTH) && kept->age() > 0ns);
     sequence = kept->header().sequence;
-    // Frames that are dropped give their places back: more of them than may be held.
-    for (int turn = 0; turn < 5; turn++) {
+    // Dropped frames are released: more are read than may be held at a time.
+    for (int count = 0; count < 5; count++) {
       auto next = reader.next(NUNET_TOPIC_LABELS, 30s);
       HOLDS(next && next->header().sequence > sequence);
     }
@@ -72,7 +72,7 @@ static void publishing(const std::string &own) {
   publisher.set_frame_id("optical");
   nunet::Reader reader(own, NUNET_BIT_RGB, 30s);
   HOLDS(publisher.has_readers() && !reader.next(NUNET_TOPIC_RGB, 0ms));
-  { publisher.loan(); } // dropped unseen
+  { publisher.loan(); } // dropped without sending
   auto loan = publisher.loan();
   HOLDS(status_of([&] { publisher.loan(); }) == NUNET_TOO_MANY_LOANS);
   auto bytes = loan.bytes();
@@ -81,7 +81,7 @@ static void publishing(const std::string &own) {
   HOLDS(status_of([&] { loan.header(); }) == NUNET_BAD_ARGUMENT);
   auto frame = reader.next(NUNET_TOPIC_RGB, 30s);
   HOLDS(frame && frame->bytes().size == 16 && frame->bytes().data[15] == 42);
-  // A position in a recording says nothing about the time of day: it is now, in this century.
+  // A position in a recording has no time of day, so the header has the time of sending.
   HOLDS(frame && frame->header().capture_nanos == 5 && frame->header().capture_unix_nanos > 946684800000000000);
   HOLDS(frame && frame->header().fy == 11 && std::string(frame->header().frame_id) == "optical");
   auto old = publisher.loan();

@@ -1,5 +1,5 @@
-/* dump CAMERA FRAMES: complete sets of a daemon's depth, labels and cloud as hashes, for a comparison with what another
- * reader sees. Last a line with what the topic `stats` says. */
+/* dump CAMERA FRAMES: prints hashes of complete sets of depth, labels and cloud, to compare them with those of another
+ * reader. The last line has fields of the topic `stats`. */
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>

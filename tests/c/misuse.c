@@ -1,5 +1,5 @@
-/* misuse CAMERA OWN: everything that a program should not do, each of which must be an error and no crash. CAMERA is a
- * living daemon's; OWN is a name that nobody uses. */
+/* misuse CAMERA OWN: wrong calls of all functions. Each must return an error and must not crash. A running nunetd
+ * publishes CAMERA; no process publishes OWN. */
 #define _POSIX_C_SOURCE 200809L
 #define _XOPEN_SOURCE 700
 #include <pthread.h>
@@ -22,10 +22,10 @@ static int failures = 0;
 #define RGB NUNET_TOPIC_RGB
 
 static void expect(int line, const char *call, nunet_status_t expected, nunet_status_t found) {
-  /* Every fault tells the way out of it; that nothing came yet is none. */
-  int explained = found == NUNET_TIMEOUT || found == NUNET_INTERRUPTED ? *nunet_last_error() != 0
+  /* Every failure has a hint. A timeout and an interruption are no failures. */
+  int has_text = found == NUNET_TIMEOUT || found == NUNET_INTERRUPTED ? *nunet_last_error() != 0
                                                                        : strstr(nunet_last_error(), "\nhint: ") != NULL;
-  if (expected == found && (found == NUNET_OK || explained)) return;
+  if (expected == found && (found == NUNET_OK || has_text)) return;
   failures++;
   printf("line %d: %s: expected `%s` with a hint, got `%s` (%s)\n", line, call, nunet_status_name((int)expected),
          nunet_status_name((int)found), found ? nunet_last_error() : "");
@@ -75,7 +75,7 @@ static void nulls(void) {
 }
 
 static void names(void) {
-  nunet_reader_t *reader = (nunet_reader_t *)&failures; /* what stood there before must not stay */
+  nunet_reader_t *reader = (nunet_reader_t *)&failures; /* must become NULL */
   EXPECT(NUNET_BAD_ARGUMENT, nunet_reader_open("caf\xe9", NUNET_BIT_DEPTH, 0, &reader));
   HOLDS(reader == NULL);
   EXPECT(NUNET_BAD_ARGUMENT, nunet_reader_open("left/arm", NUNET_BIT_DEPTH, 0, &reader));
@@ -184,7 +184,7 @@ static void read_back(nunet_reader_t *reader, const unsigned char *image, uint64
 
 static void publishing(const char *own) {
   nunet_publisher_t *publisher, *second;
-  nunet_reader_t *reader, *crowd;
+  nunet_reader_t *reader, *excess;
   nunet_loan_t *loan, *more;
   nunet_header_t *header;
   unsigned char image[36];
@@ -203,7 +203,7 @@ static void publishing(const char *own) {
   publisher_arguments(publisher);
 
   EXPECT(NUNET_OK, nunet_reader_open(own, NUNET_BIT_RGB, 30000, &reader));
-  EXPECT(NUNET_TOO_MANY_READERS, nunet_reader_open(own, NUNET_BIT_RGB, 0, &crowd));
+  EXPECT(NUNET_TOO_MANY_READERS, nunet_reader_open(own, NUNET_BIT_RGB, 0, &excess));
   HOLDS(nunet_publisher_has_readers(publisher));
   EXPECT(NUNET_TIMEOUT, nunet_reader_next(reader, RGB, 0, &frame));
   EXPECT(NUNET_OK, nunet_publisher_publish(publisher, image, 36, NUNET_CLOCK_UNIX, 77));
@@ -241,39 +241,39 @@ static void publishing(const char *own) {
   EXPECT(NUNET_OK, nunet_publisher_close(publisher));
 }
 
-static void ring(int number) { (void)number; }
+static void on_alarm(int number) { (void)number; }
 
 static void signals(const char *own) {
   nunet_publisher_t *publisher;
   nunet_reader_t *reader;
   nunet_frame_t *frame;
   struct sigaction action;
-  struct itimerval soon;
+  struct itimerval timer;
   memset(&action, 0, sizeof action);
-  memset(&soon, 0, sizeof soon);
-  action.sa_handler = ring;
-  soon.it_value.tv_usec = 30000;
-  soon.it_interval.tv_usec = 30000; /* again, should one come between two sleeps */
+  memset(&timer, 0, sizeof timer);
+  action.sa_handler = on_alarm;
+  timer.it_value.tv_usec = 30000;
+  timer.it_interval.tv_usec = 30000; /* again, in case the first one arrives between two sleeps */
   EXPECT(NUNET_OK, nunet_publisher_open(own, NUNET_ENCODING_MONO8, 4, 3, 0, &publisher));
   EXPECT(NUNET_OK, nunet_reader_open(own, NUNET_BIT_RGB, 30000, &reader));
   EXPECT(NUNET_TIMEOUT, nunet_reader_next(reader, RGB, 150, &frame));
   HOLDS(strstr(nunet_last_error(), "its publisher is alive") != NULL);
-  HOLDS(sigaction(SIGALRM, &action, NULL) == 0 && setitimer(ITIMER_REAL, &soon, NULL) == 0);
+  HOLDS(sigaction(SIGALRM, &action, NULL) == 0 && setitimer(ITIMER_REAL, &timer, NULL) == 0);
   EXPECT(NUNET_INTERRUPTED, nunet_reader_next(reader, RGB, NUNET_FOREVER, &frame));
-  memset(&soon, 0, sizeof soon);
-  HOLDS(setitimer(ITIMER_REAL, &soon, NULL) == 0);
+  memset(&timer, 0, sizeof timer);
+  HOLDS(setitimer(ITIMER_REAL, &timer, NULL) == 0);
   EXPECT(NUNET_OK, nunet_reader_close(reader));
   EXPECT(NUNET_OK, nunet_publisher_close(publisher));
 }
 
-static void *wait_for_ever(void *reader) {
+static void *next_forever(void *reader) {
   nunet_frame_t *frame;
   EXPECT(NUNET_CLOSED, nunet_reader_next(reader, RGB, NUNET_FOREVER, &frame));
   HOLDS(frame == NULL);
   return NULL;
 }
 
-static void *sleep_for_ever(void *reader) {
+static void *wait_forever(void *reader) {
   nunet_status_t status;
   do {
     status = nunet_reader_wait(reader, NUNET_FOREVER, NULL); /* a publisher that starts may wake it */
@@ -282,7 +282,7 @@ static void *sleep_for_ever(void *reader) {
   return NULL;
 }
 
-/* Who waits with a reader that another thread closes is let go. */
+/* A thread that waits with a reader returns when another thread closes the reader. */
 static void closing_under_a_waiter(const char *own, void *(*wait)(void *)) {
   nunet_publisher_t *publisher;
   nunet_reader_t *reader;
@@ -328,8 +328,8 @@ int main(int argc, char **argv) {
   frames(argv[1]);
   publishing(argv[2]);
   signals(argv[2]);
-  closing_under_a_waiter(argv[2], wait_for_ever);
-  closing_under_a_waiter(argv[2], sleep_for_ever);
+  closing_under_a_waiter(argv[2], next_forever);
+  closing_under_a_waiter(argv[2], wait_forever);
   forks(argv[1]);
   printf("%d failures\n", failures);
   return failures > 0;

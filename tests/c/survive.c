@@ -1,5 +1,5 @@
-/* survive CAMERA: keeps a frame while the daemon is killed and started again. Says where it is on stdout and waits for
- * a line on stdin between the steps. */
+/* survive CAMERA: keeps a frame while nunetd is killed and started again. Prints each step on stdout and then waits for
+ * a line on stdin. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -27,7 +27,7 @@ int main(int argc, char **argv) {
   uint32_t pid;
   bool alive;
   nunet_status_t status;
-  int turn;
+  int attempt;
   if (argc < 2 || nunet_reader_open(argv[1], NUNET_BIT_DEPTH, 30000, &reader)) return fail("open");
   if (nunet_reader_next(reader, NUNET_TOPIC_DEPTH, 30000, &kept)) return fail("next");
   if (nunet_frame_bytes(kept, &bytes, &count) || !(before = malloc(count))) return fail("bytes");
@@ -36,8 +36,8 @@ int main(int argc, char **argv) {
   printf("%lu\n", (unsigned long)pid);
   step("reading");
 
-  /* What was sent before the end may still come; then it is over. */
-  for (turn = 0; turn < 100; turn++) {
+  /* Frames that were sent before the end may still arrive. After them, reads time out. */
+  for (attempt = 0; attempt < 100; attempt++) {
     status = nunet_reader_next(reader, NUNET_TOPIC_DEPTH, 300, &frame);
     if (status) break;
     nunet_frame_release(frame);

@@ -1,4 +1,4 @@
-"""Fixtures that several files share. The path of the daemon's binary comes in `NUNETD`."""
+"""Fixtures that several files share. `NUNETD` is the path of nunetd."""
 
 import contextlib
 import itertools

@@ -1,4 +1,4 @@
-"""A reader of nunet's shared memory, made from `nunetd contract --json` alone.
+"""A reader of nunet's shared memory that uses only `nunetd contract --json`.
 
 It knows nothing of the Rust code: names, offsets, types and numbers all come from the JSON, frames through the
 `iceoryx2` package of PyPI.
@@ -26,10 +26,14 @@ def structure(layout):
         number = NUMBERS[field["type"]]
         fields.append((field["name"], number * field["count"] if field["count"] > 1 else number))
     name = layout["type"]
-    made = type(name.split(".")[-1], (ctypes.Structure,), {
-        "_fields_": fields,
-        "type_name": staticmethod(lambda: name),
-    })
+    made = type(
+        name.split(".")[-1],
+        (ctypes.Structure,),
+        {
+            "_fields_": fields,
+            "type_name": staticmethod(lambda: name),
+        },
+    )
     for field in layout["fields"]:
         assert getattr(made, field["name"]).offset == field["offset"], field
     assert ctypes.sizeof(made) == layout["bytes"]
@@ -37,12 +41,16 @@ def structure(layout):
 
 
 def block(layout):
-    """The payload's element: bytes, and nothing but bytes."""
+    """The payload's element: an array of bytes."""
     name = layout["type"]
-    return type("Block", (ctypes.Structure,), {
-        "_fields_": [("data", ctypes.c_uint8 * layout["bytes"])],
-        "type_name": staticmethod(lambda: name),
-    })
+    return type(
+        "Block",
+        (ctypes.Structure,),
+        {
+            "_fields_": [("data", ctypes.c_uint8 * layout["bytes"])],
+            "type_name": staticmethod(lambda: name),
+        },
+    )
 
 
 class Reader:
@@ -82,13 +90,13 @@ class Reader:
         return sample
 
     def word(self, enumeration, number):
-        """The word for a number of the header."""
+        """The name of a number in the header."""
         words = {value: word for word, value in self.contract["enums"][enumeration].items()}
         return words[number]
 
 
 def retry(attempt, timeout):
-    """Tries until it works; the last failure counts."""
+    """Retries until it succeeds or the time is over; then the last error is raised."""
     deadline = time.monotonic() + timeout
     while True:
         try:

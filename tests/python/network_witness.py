@@ -1,10 +1,10 @@
-"""Runs programs in a network of their own and reports every packet that they send.
+"""Runs programs in their own network namespace and reports every packet that they send.
 
     unshare --net --mount python network_witness.py SECONDS JSON-LIST-OF-COMMANDS
 
-In the new network namespace every address of the world is this machine (a local route for everything). A name server
-answers each question with 127.0.0.1 and a listener on port 443 accepts connections, so that a program which wants to
-reach a host gets as far as it would elsewhere. A raw socket sees all packets, also those to hosts given by number.
+In the new network namespace, a local route makes every address this machine. A name server
+answers each question with 127.0.0.1 and a listener on port 443 accepts connections, so that a program gets as
+far as it would with a real network. A raw socket sees all packets, also those to hosts given by number.
 
 Before the programs start, the witness looks up a name and connects to it: a witness that does not see its own packets
 fails. Prints JSON: `control` (what it saw of its own packets), `seen` (what it saw while the programs ran) and
@@ -30,17 +30,17 @@ FILES = {"/etc/resolv.conf": "nameserver 127.0.0.1\n", "/etc/nsswitch.conf": "ho
 
 
 def run(*command):
-    """A command that must succeed."""
+    """Runs a command that must succeed."""
     subprocess.run(command, check=True)
 
 
 def prepare():
-    """A network in which everything is local, and names are asked of the name server only."""
+    """Makes all addresses local, and lets only the name server resolve names."""
     run("ip", "link", "set", "lo", "up")
     run("ip", "route", "add", "local", "default", "dev", "lo")
     for name, text in FILES.items():
         target = pathlib.Path(name).resolve()
-        # glibc's defaults without these files are what is written into them.
+        # If a file is missing, glibc's default is the same as our text.
         if target.exists():
             with tempfile.NamedTemporaryFile("w", delete=False) as file:
                 file.write(text)
@@ -66,7 +66,7 @@ def answer_names():
 
 
 def accept_connections():
-    """Accepts whatever connects to port 443."""
+    """Accepts every connection to port 443."""
     server = socket.create_server(("0.0.0.0", 443))
 
     def serve():
@@ -78,7 +78,7 @@ def accept_connections():
 
 
 def describe(packet):
-    """What a packet is and where it goes; what is not IPv4 is named by its protocol."""
+    """Protocol and destination of a packet; of packets other than IPv4, the protocol only."""
     (kind,) = struct.unpack_from("!H", packet, 12)
     if kind != IPV4:
         return f"ethertype {kind:#06x}"
@@ -94,7 +94,7 @@ def describe(packet):
 
 
 def watch():
-    """A list that grows with every packet."""
+    """Returns a list to which every packet is appended."""
     seen = []
     ear = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(3))
 
@@ -107,7 +107,7 @@ def watch():
 
 
 def control(seen):
-    """Sends packets of its own, and returns what was seen of them."""
+    """Sends packets, and returns those that were seen."""
     host = socket.gethostbyname("control.example")
     with socket.create_connection((host, 443), timeout=10), socket.socket(socket.AF_INET) as direct:
         # A host that is given by its number.

@@ -1,4 +1,4 @@
-"""Daemon, feeder and reader are ended at random moments, politely or not: frames flow again, and nothing stays behind.
+"""Daemon, feeder and reader are ended at random times by SIGTERM or SIGKILL: frames flow again, and nothing is left.
 
 `NUNET_CRASH_CYCLES=100 NUNETD=target/release/nunetd python -m pytest -s tests/python/test_crashes.py` prints the table
 of recovery times: from the kill to the first frame that another process reads.
@@ -52,12 +52,12 @@ class Robot:
         self.start(role)
 
     def first_frame(self):
-        """What a new reader sees first."""
+        """The first frame of a new reader."""
         watch = [self.nunetd, "-q", "watch", self.camera, "--json", "--frames", "1", "--timeout", "60"]
         return json.loads(subprocess.run(watch, check=True, capture_output=True, timeout=90).stdout)
 
     def stop(self):
-        """Ends all three politely; their exit codes."""
+        """Ends all three by SIGTERM, and returns their exit codes."""
         for process in self.processes.values():
             process.terminate()
         return {role: process.wait(timeout=60) for role, process in self.processes.items()}
@@ -74,7 +74,7 @@ def robot(nunetd, tmp_path):
 
 
 def rest():
-    """What lies in shared memory, but for what iceoryx2 keeps on purpose."""
+    """The files of iceoryx2 in shared memory, without those that it keeps on purpose."""
     return {path.name for path in SHARED_MEMORY.iterdir() if path.name.startswith("iox2_")} - {
         path.name for path in SHARED_MEMORY.iterdir() if path.name.endswith(ALLOWED_REST)
     }

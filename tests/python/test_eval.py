@@ -1,4 +1,4 @@
-"""`nunetd eval` gives the numbers of the recipe's own evaluation, whose code is another's."""
+"""`nunetd eval` gives the numbers of the recipe's own evaluation, with which it shares no code."""
 
 import json
 import pathlib
@@ -53,7 +53,7 @@ def dataset(session, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def found(nunetd, dataset, tmp_path_factory):
-    """What nunetd says, and the folder of its files."""
+    """The output of nunetd, and the folder of its files."""
     out = tmp_path_factory.mktemp("out")
     command = [nunetd, "-q", "eval", str(dataset.root), "--model", str(MODEL), "--focal", "off", "--json"]
     command += ["--provider", "cpu", "--out", str(out)]

@@ -1,4 +1,4 @@
-"""`--mavlink`: obstacles as pymavlink reads them, held to the LaserScan of the same frames."""
+"""`--mavlink`: obstacles as pymavlink reads them, compared with the LaserScan of the same frames."""
 
 import contextlib
 import itertools

@@ -1,4 +1,4 @@
-"""nunet opens no connection and asks no name server: watched from a network namespace of its own.
+"""nunet opens no connection and asks no name server, as seen in its own network namespace.
 
 ONNX Runtime's wheel tries to reach its vendor about ten seconds after its library is loaded, so the programs run for
 thirty seconds.
@@ -16,7 +16,7 @@ from conftest import MODEL
 
 SECONDS = 30
 WITNESS = pathlib.Path(__file__).with_name("network_witness.py")
-# A namespace of its own takes root, or a kernel that lets users be root in a user namespace.
+# A network namespace needs root, or a kernel that allows user namespaces.
 NAMESPACE = ["unshare", "--net", "--mount", *([] if os.geteuid() == 0 else ["--user", "--map-root-user"])]
 PROGRAM = f"""
 import os, time
@@ -42,7 +42,7 @@ def need_namespace():
 
 @pytest.fixture
 def environment(tmp_path):
-    """A user who chose nothing and never ran nunet before: the model check runs as well."""
+    """The environment of a new user, without settings and cache, so that the model check runs too."""
     library = importlib.util.find_spec("onnxruntime").submodule_search_locations[0]
     (file,) = pathlib.Path(library, "capi").glob("libonnxruntime.so.*")
     kept = {name: value for name, value in os.environ.items() if name != "ORT_DISABLE_TELEMETRY"}
@@ -50,11 +50,9 @@ def environment(tmp_path):
 
 
 def watched(commands, environment):
-    """What the witness saw while the commands ran."""
+    """The packets that were sent while the commands ran."""
     command = [*NAMESPACE, sys.executable, str(WITNESS), str(SECONDS), json.dumps(commands)]
-    done = subprocess.run(
-        command, check=False, capture_output=True, text=True, env=environment, timeout=10 * SECONDS
-    )
+    done = subprocess.run(command, check=False, capture_output=True, text=True, env=environment, timeout=10 * SECONDS)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
 
@@ -69,6 +67,6 @@ def test_nunetd_and_a_python_model_send_no_packet(nunetd, environment, tmp_path)
     assert report["early"] == [None, None], f"a program ended by itself: {report}"
     assert report["codes"][0] == 0, report
     assert report["seen"] == []
-    # ONNX Runtime keeps a queue of events where it sends any; nunet's own cache is all there is.
+    # If ONNX Runtime sent events, it would keep a queue of them here.
     assert [path.name for path in (tmp_path / "cache").iterdir()] == ["nunet"]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["cache"]

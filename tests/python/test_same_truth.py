@@ -1,6 +1,6 @@
 """The same image gives the same depth, byte for byte, in ONNX Runtime's own Python package, in the files of
 `nunetd infer`, in this process by `nunet_py`, and in shared memory as an independent client and `nunet_py` read it. The
-same sequence does too, where the network remembers the images before."""
+same sequence does too, also with a recurrent network."""
 
 import json
 import os
@@ -27,7 +27,7 @@ def open_session(model):
 
 
 def measured(session, depth):
-    """Depth as the contract defines it: what lies outside the model's range is no measurement."""
+    """Depth as the contract defines it: depth outside the model's range is no measurement."""
     range_m = session.get_modelmeta().custom_metadata_map
     least, most = np.float32(range_m[MIN_M]), np.float32(range_m[MAX_M])
     valid = (depth >= least) & (depth <= most)
@@ -107,7 +107,7 @@ with nunet_py.subscribe(sys.argv[1], topics=["depth", "labels"], timeout=60) as 
 def test_shared_memory_holds_what_the_python_package_computes(nunetd, contract, image, expected):
     name = f"pytest-truth-{os.getpid()}"
     source = ["--source", str(image[0].parent), "--loop", "--rate", "30", *ONE_THREAD]
-    # In a process of its own: two copies of iceoryx2 in one process take each other for dead.
+    # In a process of its own: two copies of iceoryx2 in one process consider each other dead.
     subscribed = [sys.executable, "-c", SUBSCRIBE, name]
     with running([nunetd, "--model", str(MODEL), "--camera", name, *source]):
         header, payload = Reader(contract, name, "depth").next()
@@ -119,7 +119,7 @@ def test_shared_memory_holds_what_the_python_package_computes(nunetd, contract, 
 
 @pytest.fixture(scope="module")
 def sequence(tmp_path_factory):
-    """Images in a folder, and the depth of each, computed with what the network remembers of those before it."""
+    """Images in a folder, and the depth of each, computed with the state that the earlier ones left."""
     session = open_session(RECURRENT)
     memory = json.loads(session.get_modelmeta().custom_metadata_map["nunet.state"])
     state = {tensor["input"]: np.zeros(tensor["shape"], np.float32) for tensor in memory}

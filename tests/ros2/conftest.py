@@ -1,4 +1,4 @@
-"""nunetd in a network of its own, and nodes of ROS 2 that receive from it."""
+"""Starts nunetd in its own network namespace, and ROS 2 nodes that receive from it."""
 
 import contextlib
 import ctypes
@@ -24,7 +24,7 @@ IFF_UP = 1
 
 
 def enter_own_network() -> None:
-    """Leaves this process and its children with loopback alone, so that tests reach no machine."""
+    """Moves this process and its children into a network with loopback only: tests reach no other machine."""
     user = 0 if os.geteuid() == 0 else CLONE_NEWUSER
     if ctypes.CDLL(None, use_errno=True).unshare(CLONE_NEWNET | user) != 0:
         raise OSError(ctypes.get_errno(), "cannot make a network namespace; run as root or allow user namespaces")
@@ -32,7 +32,7 @@ def enter_own_network() -> None:
         fcntl.ioctl(any_socket, SIOCSIFFLAGS, struct.pack("16sh14x", b"lo", IFF_UP))
 
 
-# Before the first import of ROS 2, whose threads could not follow.
+# Before ROS 2 is imported, because threads that it starts would stay in the old namespace.
 enter_own_network()
 os.environ["RMW_IMPLEMENTATION"] = "rmw_fastrtps_cpp"
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
@@ -67,7 +67,7 @@ class Daemon:
     log: Path
 
     def stop(self, code: int = 0) -> dict:
-        """Ends it, which gives an exit code, and returns its stats; the results of the last frame are in `out`."""
+        """Ends it, checks its exit code and returns its stats; the results of the last frame are in `out`."""
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGINT)
         assert self.process.wait(TIMEOUT_S) == code, self.log.read_text()
@@ -101,7 +101,7 @@ def start_on(tmp_path: Path) -> Iterator[Callable[..., Daemon]]:
 
 @pytest.fixture
 def start(tmp_path: Path, start_on: Callable[..., Daemon]) -> Callable[..., Daemon]:
-    """Starts nunetd on one image, again and again: every frame has the same results."""
+    """Starts nunetd on one image in a loop, so that all frames have the same results."""
 
     def begin(image: Path, *arguments: str, rate: str = "10", **options: object) -> Daemon:
         images = tmp_path / "images"
@@ -136,7 +136,7 @@ class Receiver:
 
 @contextlib.contextmanager
 def participant() -> Iterator[Receiver]:
-    """A node of ROS 2 in this process, seen by others as one of another process."""
+    """A ROS 2 node in this process; with a context of its own, others see it as another process."""
     context = rclpy.Context()
     rclpy.init(context=context)
     node = rclpy.create_node("receiver", context=context)

@@ -1,4 +1,4 @@
-"""The ROS 2 messages of the tests, as Cyclone DDS takes them."""
+"""The ROS 2 messages of the tests, declared for Cyclone DDS."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from cyclonedds.idl.types import float32, float64, int32, sequence, uint8, uint1
 
 @dataclass
 class Time(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
-    """When."""
+    """A point in time."""
 
     sec: int32
     nanosec: uint32
@@ -16,7 +16,7 @@ class Time(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
 
 @dataclass
 class Header(IdlStruct, typename="std_msgs::msg::dds_::Header_"):
-    """When and where."""
+    """Time stamp and coordinate frame of a message."""
 
     stamp: Time
     frame_id: str
@@ -37,7 +37,7 @@ class Image(IdlStruct, typename="sensor_msgs::msg::dds_::Image_"):
 
 @dataclass
 class VisionClass(IdlStruct, typename="vision_msgs::msg::dds_::VisionClass_"):
-    """A class."""
+    """The name of a label."""
 
     class_id: uint16
     class_name: str
@@ -45,7 +45,7 @@ class VisionClass(IdlStruct, typename="vision_msgs::msg::dds_::VisionClass_"):
 
 @dataclass
 class LabelInfo(IdlStruct, typename="vision_msgs::msg::dds_::LabelInfo_"):
-    """All classes."""
+    """The names of all labels."""
 
     header: Header
     class_map: sequence[VisionClass]
@@ -54,7 +54,7 @@ class LabelInfo(IdlStruct, typename="vision_msgs::msg::dds_::LabelInfo_"):
 
 @dataclass
 class Vector3(IdlStruct, typename="geometry_msgs::msg::dds_::Vector3_"):
-    """Meters."""
+    """A vector, meters."""
 
     x: float64
     y: float64
@@ -73,7 +73,7 @@ class Quaternion(IdlStruct, typename="geometry_msgs::msg::dds_::Quaternion_"):
 
 @dataclass
 class Transform(IdlStruct, typename="geometry_msgs::msg::dds_::Transform_"):
-    """A place."""
+    """A pose: translation and rotation."""
 
     translation: Vector3
     rotation: Quaternion
@@ -81,7 +81,7 @@ class Transform(IdlStruct, typename="geometry_msgs::msg::dds_::Transform_"):
 
 @dataclass
 class TransformStamped(IdlStruct, typename="geometry_msgs::msg::dds_::TransformStamped_"):
-    """A place with its frames."""
+    """The pose of a coordinate frame in another one."""
 
     header: Header
     child_frame_id: str
@@ -90,6 +90,6 @@ class TransformStamped(IdlStruct, typename="geometry_msgs::msg::dds_::TransformS
 
 @dataclass
 class TFMessage(IdlStruct, typename="tf2_msgs::msg::dds_::TFMessage_"):
-    """Several places."""
+    """Several transforms."""
 
     transforms: sequence[TransformStamped]

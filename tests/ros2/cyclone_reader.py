@@ -14,7 +14,7 @@ TIMEOUT_S = 30
 
 
 def first(participant: DomainParticipant, name: str, data_type: type) -> object:
-    """The message that a late subscriber gets."""
+    """The first message that a late subscriber receives."""
     qos = Qos(
         Policy.Reliability.Reliable(duration(milliseconds=100)), Policy.Durability.TransientLocal,
         Policy.History.KeepLast(1), Policy.DataRepresentation(use_cdrv0_representation=True),

@@ -1,4 +1,4 @@
-"""Subscribers that die, pause and come back, and nodes that nunetd does not look for."""
+"""Subscribers that die, pause and come back, and nodes that nunetd does not search for."""
 
 import json
 import re
@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 from conftest import ROOT, Daemon, Receiver
-from lost import subscriber
 from sensor_msgs.msg import Image
+from subscriber_process import subscriber
 
 IMAGE = min((ROOT / "models/clip/rgb").iterdir())
 TOPICS = ["--model", "unet", "--ros2-topics", "depth/image_raw"]
@@ -24,19 +24,19 @@ def sent(daemon: Daemon) -> int:
     assert address, daemon.log.read_text()
     with urllib.request.urlopen(f"http://{address[1]}/metrics", timeout=10) as response:
         text = response.read().decode()
-    counts = re.findall(r'nunet_messages_total\{([^}]*)\} (\d+)', text)
+    counts = re.findall(r"nunet_messages_total\{([^}]*)\} (\d+)", text)
     counts = [count for labels, count in counts if 'output="ros2"' in labels and 'end="sent"' in labels]
     assert counts, text
     return int(counts[0])
 
 
 def test_new_subscribers_receive_after_others_were_killed(start: object, receiver: Receiver) -> None:
-    """The library matches the readers of the dead again whenever a node subscribes."""
+    """The DDS library matches readers of killed processes again whenever a node subscribes."""
     daemon = start(IMAGE, *TOPICS)
     topic = f"/{daemon.camera}/depth/image_raw"
     for _ in range(2):
-        with subscriber(topic) as victim:
-            assert victim.stdout.readline() == RECEIVED
+        with subscriber(topic) as killed:
+            assert killed.stdout.readline() == RECEIVED
     received = receiver.subscribe(Image, topic)
     receiver.spin_until(lambda: len(received) > 40, timeout_s=60)
     stats = daemon.stop()
@@ -44,7 +44,7 @@ def test_new_subscribers_receive_after_others_were_killed(start: object, receive
 
 
 def test_a_subscriber_that_pauses_receives_again(start: object) -> None:
-    """As over a wireless network with a gap."""
+    """Like a wireless network with an interruption."""
     daemon = start(IMAGE, *TOPICS)
     with subscriber(f"/{daemon.camera}/depth/image_raw") as paused:
         for _ in range(3):
@@ -53,7 +53,7 @@ def test_a_subscriber_that_pauses_receives_again(start: object) -> None:
             paused.send_signal(signal.SIGSTOP)
             time.sleep(5)
             paused.send_signal(signal.SIGCONT)
-            # More than those that were on their way.
+            # More than were in queues while it was paused.
             for _ in range(40):
                 assert paused.stdout.readline() == RECEIVED
     daemon.stop()
@@ -62,9 +62,9 @@ def test_a_subscriber_that_pauses_receives_again(start: object) -> None:
 def test_nothing_is_sent_once_all_subscribers_are_dead(start: object) -> None:
     """Without a reader, depth is neither copied nor encoded."""
     daemon = start(IMAGE, *TOPICS, "--metrics", "127.0.0.1:0")
-    with subscriber(f"/{daemon.camera}/depth/image_raw") as victim:
+    with subscriber(f"/{daemon.camera}/depth/image_raw") as killed:
         for _ in range(5):
-            assert victim.stdout.readline() == RECEIVED
+            assert killed.stdout.readline() == RECEIVED
     end = time.monotonic() + 30
     while True:
         before = sent(daemon)
@@ -76,8 +76,8 @@ def test_nothing_is_sent_once_all_subscribers_are_dead(start: object) -> None:
 
 
 @pytest.mark.parametrize("variables", [{"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"}])
-def test_a_node_that_looks_for_nunetd_finds_it(start: object, receiver: Receiver, variables: dict) -> None:
-    """Nunetd announces itself to those that announced themselves to it."""
+def test_a_node_that_searches_for_nunetd_finds_it(start: object, receiver: Receiver, variables: dict) -> None:
+    """Nunetd announces itself to nodes that announced themselves to it."""
     daemon = start(IMAGE, *TOPICS, env=variables)
     received = receiver.subscribe(Image, f"/{daemon.camera}/depth/image_raw")
     receiver.spin_until(lambda: len(received) > 5, timeout_s=60)
@@ -85,7 +85,7 @@ def test_a_node_that_looks_for_nunetd_finds_it(start: object, receiver: Receiver
 
 
 def test_hostile_datagrams_change_nothing(start: object, receiver: Receiver) -> None:
-    """Each of these ended the library: a set of 257 fragments, and INFO_REPLY behind a length of 0."""
+    """Each of these crashed the DDS library: a set of 257 fragments, and INFO_REPLY behind a length of 0."""
     daemon = start(IMAGE, *TOPICS)
     received = receiver.subscribe(Image, f"/{daemon.camera}/depth/image_raw")
     receiver.spin_until(lambda: len(received) > 5)

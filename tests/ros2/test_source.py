@@ -25,7 +25,7 @@ DEPTH = ["--model", MODEL, "--ros2-topics", "depth/image_raw,depth/camera_info"]
 
 
 def scene(size: tuple[int, int] = SIZE) -> np.ndarray:
-    """An image that no mirroring and no exchange of channels leaves as it is."""
+    """An image that changes if it is mirrored or if its channels are swapped."""
     image = PIL.Image.open(min((ROOT / "models/drive/rgb").iterdir())).convert("RGB")
     return np.asarray(image.resize(size))
 
@@ -50,7 +50,7 @@ def camera_info(size: tuple[int, int] = SIZE) -> CameraInfo:
 
 @dataclass
 class Driver:
-    """A camera's driver: images with their camera, and depth that comes back."""
+    """A camera's driver: images with their camera, and the stamps that were sent."""
 
     receiver: Receiver
     topic: str = TOPIC
@@ -64,7 +64,7 @@ class Driver:
         self.cameras = node.create_publisher(CameraInfo, f"{namespace}/camera_info", qos_profile_sensor_data)
 
     def send(self, message: object, info: CameraInfo | None = None) -> None:
-        """Publishes an image of now."""
+        """Publishes an image with the current time."""
         message.header.frame_id = FRAME_ID
         message.header.stamp = self.receiver.node.get_clock().now().to_msg()
         self.sent.append(stamp_of(message))
@@ -220,7 +220,7 @@ import rclpy
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Image
 rclpy.init()
-node = rclpy.create_node("victim")
+node = rclpy.create_node("publisher")
 images = node.create_publisher(Image, "/cam/image_raw", qos_profile_sensor_data)
 message = Image(height=96, width=128, encoding="rgb8", step=384, data=bytes(range(256)) * 144)
 node.create_timer(0.05, lambda: images.publish(message))
@@ -229,8 +229,8 @@ rclpy.spin(node)
 
 
 @pytest.fixture
-def victims() -> Iterator[Callable[[], subprocess.Popen]]:
-    """Publishers that can be killed."""
+def start_publisher() -> Iterator[Callable[[], subprocess.Popen]]:
+    """Starts publishers in processes that can be killed."""
     started: list[subprocess.Popen] = []
 
     def begin() -> subprocess.Popen:
@@ -243,19 +243,19 @@ def victims() -> Iterator[Callable[[], subprocess.Popen]]:
         process.wait()
 
 
-def test_a_publisher_may_die_and_come_back(
-    start_on: object, receiver: Receiver, victims: Callable[[], subprocess.Popen]
+def test_a_killed_publisher_may_come_back(
+    start_on: object, receiver: Receiver, start_publisher: Callable[[], subprocess.Popen]
 ) -> None:
-    """Without a farewell; until the next one comes, nunetd waits and says so once."""
+    """It is killed, so it does not announce its end. Nunetd waits for the next one and logs this once."""
     daemon = start_on(f"ros2:{TOPIC}", *DEPTH)
     depths = depths_of(receiver, daemon)
-    first = victims()
+    first = start_publisher()
     receiver.spin_until(lambda: len(depths) > 3)
     first.kill()
     first.wait()
     receiver.spin_until(lambda: f"waiting for topic `{TOPIC}`" in daemon.log.read_text())
     count = len(depths)
-    victims()
+    start_publisher()
     receiver.spin_until(lambda: len(depths) > count + 3)
     daemon.stop()
     assert daemon.log.read_text().count("waiting for topic") == 1

@@ -42,13 +42,13 @@ def router() -> Iterator[Router]:
 
 @pytest.fixture
 def peer(router: Router) -> Iterator[ZenohReceiver]:
-    """A node that knows the router."""
+    """A node that is connected to the router."""
     with session(router.endpoint) as opened:
         yield ZenohReceiver(opened, hash_of)
 
 
 def warnings_of(daemon: Daemon) -> list[str]:
-    """What the log says of an absent router."""
+    """Log lines about an absent router."""
     return [line for line in daemon.log.read_text().splitlines() if "no Zenoh router" in line]
 
 
@@ -103,23 +103,23 @@ def test_300_of_300_vga_frames_arrive(start: object, router: Router, peer: Zenoh
 
 
 def test_messages_that_a_subscriber_does_not_take_are_counted(start: object, router: Router, tmp_path: Path) -> None:
-    """A subscriber that is stopped takes nothing; frames and other subscribers go on."""
+    """A paused subscriber takes nothing; frames and other subscribers continue."""
     topics = ["--ros2-topics", "depth/image_raw,scan"]
     daemon = start(VGA_IMAGE, "--model", "unet", *CAMERA, *topics, rate="15", ros2=f"zenoh:{router.endpoint}")
     key = f"0/{daemon.camera}/depth/image_raw/*/*"
-    victim = subprocess.Popen(
+    paused = subprocess.Popen(
         [sys.executable, "-c", SUBSCRIBER, router.endpoint, key], stdout=subprocess.PIPE, text=True
     )
     try:
-        assert victim.stdout.readline() == "received\n"
-        victim.send_signal(signal.SIGSTOP)
+        assert paused.stdout.readline() == "received\n"
+        paused.send_signal(signal.SIGSTOP)
         with session(router.endpoint) as opened:
             peer = ZenohReceiver(opened, hash_of)
             scans = peer.subscribe(TOPICS["scan"], f"/{daemon.camera}/scan")
             peer.spin_until(lambda: len(scans) > 60)
     finally:
-        victim.kill()
-        victim.wait()
+        paused.kill()
+        paused.wait()
     stats = daemon.stop()
     print(stats["ros2"], stats["frames"])
     assert stats["ros2"]["not_taken"] > 10, stats["ros2"]
@@ -152,7 +152,7 @@ def test_nodes_types_hashes_and_qos_are_visible(start: object, router: Router, p
 
 
 def test_a_late_subscriber_receives_labels_and_transform(start: object, router: Router) -> None:
-    """They are sent once, before the subscriber exists."""
+    """Both were sent before the subscriber existed."""
     daemon = start(IMAGE, *CAMERA, "--ros2-topics", "all", ros2=f"zenoh:{router.endpoint}")
     wait_for_log(daemon, "ROS 2 topics:")
     with session(router.endpoint) as opened:
@@ -189,7 +189,7 @@ def test_nothing_is_sent_without_subscribers(start: object, router: Router, peer
     scans = peer.subscribe(TOPICS["scan"], f"/{daemon.camera}/scan")
     peer.spin_until(lambda: len(scans) > 5)
     peer.kept.pop().undeclare()
-    time.sleep(0.5)  # the 0.1 s in which it is noticed, and what was on its way
+    time.sleep(0.5)  # nunetd notices it within 0.1 s, and queues become empty
     before = len(scans)
     wait_for_frames(daemon, 10)
     stats = daemon.stop()["ros2"]
@@ -229,7 +229,7 @@ def test_the_router_may_be_killed_and_started_again(start: object, router: Route
 
 
 def test_an_absent_router_is_reported_once_and_found_later(start: object, tmp_path: Path) -> None:
-    """Frames go on; stats state the problem."""
+    """Frames continue, and stats state the problem."""
     absent = Router()
     daemon = start(IMAGE, *CAMERA, ros2=f"zenoh:{absent.endpoint}")
     wait_for_log(daemon, "no Zenoh router")
@@ -251,7 +251,7 @@ def test_an_absent_router_is_reported_once_and_found_later(start: object, tmp_pa
 
 
 def test_the_end_states_that_there_is_no_router(start: object) -> None:
-    """It ends as fast as with one."""
+    """Nunetd ends as fast as with a router."""
     absent = f"tcp/127.0.0.1:{free_port()}"
     daemon = start(IMAGE, *CAMERA, ros2=f"zenoh:{absent}")
     wait_for_log(daemon, "no Zenoh router")

@@ -1,4 +1,4 @@
-"""A router of Zenoh, and a node of ROS 2 over Zenoh as `rmw_zenoh` makes them."""
+"""A Zenoh router, and a ROS 2 node over Zenoh with the names that `rmw_zenoh` uses."""
 
 import contextlib
 import json
@@ -52,7 +52,7 @@ class Router:
         return self
 
     def kill(self) -> None:
-        """Ends it without a farewell."""
+        """Ends it without an announcement."""
         if self.process is not None:
             self.process.kill()
             self.process.wait()
@@ -74,7 +74,7 @@ def session(endpoint: str) -> Iterator[zenoh.Session]:
 
 
 def dds_type(message_type: type) -> str:
-    """As key expressions have it: `sensor_msgs::msg::dds_::Image_`."""
+    """The name in key expressions, such as `sensor_msgs::msg::dds_::Image_`."""
     package = message_type.__module__.split(".")[0]
     return ros_type_to_dds_type(f"{package}/msg/{message_type.__name__}")
 
@@ -131,7 +131,7 @@ class ZenohReceiver:
 
 @dataclass
 class ZenohPublisher:
-    """A publisher as `rmw_zenoh` makes it."""
+    """A publisher with the names and attachments that `rmw_zenoh` uses."""
 
     receiver: ZenohReceiver
     message_type: type
@@ -139,7 +139,7 @@ class ZenohPublisher:
     sent: int = 0
 
     def __post_init__(self) -> None:
-        """States it and its token."""
+        """Declares the publisher and its token."""
         opened, message_type = self.receiver.session, self.message_type
         package, name = message_type.__module__.split(".")[0], message_type.__name__
         qos, type_hash = QosProfile.sensor_data(), self.receiver.hash_of(package, name)
@@ -157,6 +157,6 @@ class ZenohPublisher:
         self.publisher.put(serialize_message(message), attachment=numbers + b"\x10" + self.gid)
 
     def close(self) -> None:
-        """Ends it, which its token states."""
+        """Undeclares the publisher and its token."""
         self.token.undeclare()
         self.publisher.undeclare()

@@ -1,4 +1,4 @@
-"""A node that runs nunetd: it logs what nunetd logs, restarts it after a failure, and ends it with itself."""
+"""A node that runs nunetd: it logs what nunetd logs, restarts it after a failure, and ends it when the node ends."""
 
 import signal
 import subprocess
@@ -17,7 +17,7 @@ GRACE_S = 15.0
 
 
 class NunetNode(Node):
-    """Runs nunetd as long as the node lives."""
+    """Runs nunetd until the node is destroyed."""
 
     def __init__(self, **arguments: object) -> None:
         super().__init__("nunet", **arguments)
@@ -73,7 +73,7 @@ class NunetNode(Node):
             logger.info(line)
 
     def destroy_node(self) -> None:
-        """Ends nunetd: politely, then by force."""
+        """Ends nunetd by SIGINT, and by SIGKILL if it does not end."""
         if self._ending.is_set():
             return
         with self._lock:

@@ -205,7 +205,7 @@ def test_a_late_subscriber_receives_the_last_image_of_an_idle_publisher():
     for _ in range(2):
         with nunet.subscribe(name, topics=["rgb"], timeout=TIMEOUT) as frames:
             assert np.array_equal(frames.next().rgb, noise())
-    # One that is let go of has given the camera up, whatever else runs.
+    # A publisher without references has released the camera.
     for _ in range(20):
         del publisher
         publisher = nunet.publisher(name, size=SIZE)

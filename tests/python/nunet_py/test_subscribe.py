@@ -205,7 +205,7 @@ def test_an_idle_source_is_a_timeout_that_names_the_silent_publisher(still):
 
 
 def test_another_version_of_the_contract_is_refused_by_name():
-    # In a process of its own: two copies of iceoryx2 in one process take each other for dead.
+    # In a process of its own: two copies of iceoryx2 in one process consider each other dead.
     code = """
 import ctypes, sys
 import iceoryx2 as iox2

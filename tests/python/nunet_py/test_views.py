@@ -205,7 +205,7 @@ class OldConsumer:
         self.source = source
 
     def __dlpack__(self, **_):
-        """Ask without a version, whatever the consumer says."""
+        """Asks without a version, whatever the consumer passes."""
         return self.source.__dlpack__()
 
     def __dlpack_device__(self):

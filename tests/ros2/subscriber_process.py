@@ -1,4 +1,4 @@
-"""A subscriber in a process of its own, which tests stop and kill."""
+"""A subscriber in a process of its own, which tests pause and kill."""
 
 import contextlib
 import subprocess
@@ -9,7 +9,7 @@ SUBSCRIBER = """
 import rclpy, sys
 from sensor_msgs.msg import Image
 rclpy.init()
-node = rclpy.create_node("victim")
+node = rclpy.create_node("subscriber")
 node.create_subscription(Image, sys.argv[1], lambda message: print("received", flush=True), 10)
 rclpy.spin(node)
 """
@@ -17,7 +17,7 @@ rclpy.spin(node)
 
 @contextlib.contextmanager
 def subscriber(topic: str) -> Iterator[subprocess.Popen]:
-    """It prints a line for each message, and is killed in the end."""
+    """Prints `received` for each message. It is killed at the end."""
     process = subprocess.Popen([sys.executable, "-c", SUBSCRIBER, topic], stdout=subprocess.PIPE, text=True)
     try:
         yield process
