@@ -54,7 +54,7 @@ fn depth(number: u64) -> Vec<f32> {
     (0..SIZE.pixel_count()).map(|index| if index == 0 { f32::NAN } else { number as f32 + 0.5 }).collect()
 }
 
-/// Publishes frame `number`, which was captured so many seconds after 1970.
+/// Publishes frame `number`, which was captured `number` seconds after 1970.
 fn give(sink: &mut dyn Sink, number: u64) {
     let mut frame = Frame::default();
     frame.rgb_buffer(SIZE).fill(number as u8);

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use nunet_core::obstacle::{DepthImage, FloorView, Mount, ObstacleDetector};
 use tracing::warn;
 
-/// So many frames in a row without floor where the mount expects it are looked at.
+/// The floor is measured in the image after this number of frames without floor where the mount expects it.
 const FRAMES: u32 = 30;
 /// One warning per period.
 const PERIOD: Duration = Duration::from_secs(60);
@@ -20,7 +20,7 @@ pub(crate) struct MountCheck {
 }
 
 impl MountCheck {
-    /// Takes note of a frame after `detector` has looked at it, and warns if the mount is wrong.
+    /// Counts a frame that `detector` has processed, and warns if the mount is wrong.
     pub(crate) fn check(
         &mut self,
         detector: &ObstacleDetector,
@@ -42,7 +42,7 @@ impl MountCheck {
     }
 }
 
-/// What the floor of a frame says against the mount.
+/// The warning if the floor of a frame contradicts the mount.
 fn contradiction(detector: &ObstacleDetector, mount: &Mount, image: &DepthImage<'_>) -> Option<String> {
     let (seen, expected) = (detector.floor_view(image)?, FloorView::of_mount(mount));
     let shown = |floor: &FloorView| {

@@ -297,7 +297,7 @@ impl Ros2Source {
         self.remind(what);
     }
 
-    /// Reports that there is no publisher of images. Publishers that are there are found within a second.
+    /// Reports that there is no publisher of images. Existing publishers are found within a second.
     fn remind_of_type(&mut self, types: &[String]) {
         if types.iter().all(|name| IMAGE_TYPES.iter().any(|known| known.name() == name)) {
             return self.remind("nothing publishes it");

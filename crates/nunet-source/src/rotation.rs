@@ -1,4 +1,4 @@
-//! Turns images of a camera that is mounted turned, so that up is up in everything that follows.
+//! Rotates the images of a camera that is mounted turned, so that they are upright in all later steps.
 
 use std::fmt;
 use std::str::FromStr;

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-/// A connected camera that sends nothing for so long counts as away.
+/// A connected camera that sends nothing for this time counts as away.
 const SILENCE: Duration = Duration::from_secs(5);
 /// How often the user is reminded that the camera is away.
 const REMINDER: Duration = Duration::from_secs(10);

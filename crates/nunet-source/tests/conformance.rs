@@ -285,7 +285,7 @@ fn all(folder: &Path) -> Vec<Subject> {
     ]
 }
 
-/// Every source that goes on: the demo repeats itself, shared memory and ROS 2 wait, and a command is started again.
+/// Every source without an end: the demo repeats itself, shared memory and ROS 2 wait, and a command is started again.
 fn endless(folder: &Path) -> Vec<Subject> {
     let (source, offer) = shared_memory("conformance");
     let (turned, offer_turned) = shared_memory("conformance_rotated");

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-/// The recent values are means over about so many frames, and known after as many.
+/// The recent values are means over about this number of frames, and known after as many.
 pub const STABILITY_FRAMES: u32 = 8;
 
 /// Drift and flicker of a stream. Shares: 0.01 is one percent.
@@ -22,9 +22,9 @@ pub struct StabilityTotals {
 /// Drift and flicker per frame; each a share, 0.01 is one percent.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Stability {
-    /// By how much the scale grew.
+    /// The growth of the scale; negative if it became smaller.
     pub drift: f64,
-    /// By how much points changed beside the scale.
+    /// By how much points changed besides the scale.
     pub flicker: f64,
 }
 

@@ -16,8 +16,8 @@ const LINES: usize = 4;
 /// Samples of an obstacle that must be in view above the clearance.
 const MIN_SAMPLES: f32 = 2.0;
 
-/// If the lines of a sector enter or leave the view within so many cells, the bottom or the top of the image cuts them, not
-/// a side. Then the visible floor alone decides.
+/// If the lines of a sector enter or leave the view within this number of cells, the bottom or the top of the image
+/// cuts them, not a side. Then the visible floor alone decides.
 const BOTTOM_CELLS: f32 = 2.0;
 const TOP_CELLS: f32 = 0.5;
 

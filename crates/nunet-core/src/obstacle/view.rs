@@ -38,7 +38,7 @@ pub(super) struct Cell {
 
 /// All samples of a camera's image, and the cells of the floor.
 ///
-/// Each value of the samples has an array of its own, row by row, so that loops over rows are vectorized.
+/// Each value of the samples has its own array, row by row, so that loops over rows are vectorized.
 #[derive(Debug, Clone)]
 pub(super) struct View {
     /// Pixels of a row of the image.

@@ -3,10 +3,10 @@
 //! If neither camera nor scene moves, depth must stay the same. What changes nevertheless is an error of the network: of
 //! its scale (all of depth by one factor), or of each pixel by itself.
 //!
-//! Image and depth are sampled on a grid of 64x48 points, whatever their sizes. A point is a pixel with the ones to its
-//! right and below. The image did not change there if no channel of these differs by more than [`MAX_CHANGE`]. At a plain
-//! wall this is so while the camera moves, too. Therefore points on texture decide whether the camera moves: if less than
-//! half of them are unchanged, or there are hardly any, the result is unknown.
+//! Image and depth are sampled on a grid of 64x48 points, whatever their sizes. A point is a pixel with the ones to
+//! its right and below. The image did not change there if no channel of these differs by more than [`MAX_CHANGE`]. On
+//! a plain wall, points are unchanged even while the camera moves. Therefore points on texture decide whether the
+//! camera moves: if less than half of them are unchanged, or there are hardly any, the result is unknown.
 //!
 //! # Example: depth that becomes 10 percent larger
 //! ```
@@ -32,7 +32,7 @@ const MAX_CHANGE: u8 = 8;
 /// A point is on texture if a channel differs by at least this between its pixels: then a motion of half a pixel changes
 /// it by more than [`MAX_CHANGE`].
 const MIN_TEXTURE: u8 = 24;
-/// Fewer points on texture, or fewer ones with depth, say nothing.
+/// With fewer points on texture, or fewer with depth, the result is unknown.
 const MIN_POINTS: usize = 30;
 
 /// The change of depth from one frame to the next, where the image did not change. Shares: 0.01 is one percent.
@@ -40,7 +40,7 @@ const MIN_POINTS: usize = 30;
 pub struct StabilityChange {
     /// The median of `depth / previous depth - 1`: how much the scale grew.
     pub drift: f32,
-    /// The median distance of these values from their median: how much points change beside the scale. Not negative.
+    /// The median distance of these values from their median: how much points change besides the scale. Not negative.
     pub flicker: f32,
 }
 

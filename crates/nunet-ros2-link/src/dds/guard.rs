@@ -17,7 +17,7 @@ use super::rtps::{
 
 /// The flag of `INFO_TIMESTAMP` without a timestamp.
 const FLAG_INVALID: u8 = 2;
-/// Sets of missing messages or fragments have at most so many.
+/// The largest number of missing messages or fragments in a set.
 const MAX_SET: u32 = 256;
 /// The library counts on from numbers that it gets.
 const MAX_SEQUENCE: i64 = 1 << 62;

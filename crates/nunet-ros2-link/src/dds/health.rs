@@ -1,4 +1,4 @@
-//! Whether the library works. Its calls wait for ever once its thread has ended or is stuck.
+//! Whether the library works. Once its thread has ended or is stuck, its calls never return.
 
 use std::future::Future;
 use std::io;
@@ -18,7 +18,7 @@ use tracing::error;
 
 use crate::error::Ros2Error;
 
-/// The library takes 256 datagrams before it has to work on one. If it takes none for so long, it is stuck.
+/// The library takes 256 datagrams before it has to work on one. If it takes none for this time, it is stuck.
 const MAX_WAIT: Duration = Duration::from_secs(20);
 
 /// Whether the library works.
@@ -26,12 +26,12 @@ const MAX_WAIT: Duration = Duration::from_secs(20);
 pub(super) struct LibraryState(AtomicBool);
 
 impl LibraryState {
-    /// Whether the library has ended, for good.
+    /// Whether the library has ended. It cannot be started again.
     pub(super) fn has_ended(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
 
-    /// Whether the library can `action`. Its calls would not return.
+    /// An error that names `action` if the library has ended, because its calls would not return.
     pub(super) fn check(&self, action: &'static str) -> Result<(), Ros2Error> {
         if self.has_ended() {
             let reason = "ROS 2 over DDS has ended".to_owned();
@@ -76,7 +76,7 @@ impl Library {
     }
 }
 
-/// The library's runtime, which tells if the library panics.
+/// The library's runtime, which records a panic of the library.
 pub(super) struct Watched {
     runtime: StdRuntime,
     health: Arc<LibraryState>,

@@ -50,7 +50,7 @@ const ENCAPSULATION_BYTES: usize = 4;
 /// Publishers of other nodes that are looked at.
 const MAX_PUBLICATIONS: i32 = 10_000;
 
-/// A connection of its own to the domain of `environment`.
+/// A new connection to the domain of `environment`.
 pub(crate) fn alone(environment: &Environment) -> Result<Arc<dyn Link>, Ros2Error> {
     Ok(Arc::new(DdsLink::open(environment)?))
 }

@@ -2,8 +2,8 @@
 //!
 //! `dust_dds` sends no reliable message to any reader while one reader has not confirmed the fifth before it. Middleware
 //! answers within milliseconds; its lease, by which a dead participant would be found, is 20 s in ROS 2. So the transport
-//! confirms in the place of readers that have been silent for 2 s, and sends them nothing but a question per second. Once a
-//! participant is heard again, it gets the last heartbeats, asks for what it missed, and goes on.
+//! confirms in the place of readers that have been silent for 2 s, and sends them only one question per second. Once a
+//! participant answers again, it receives the last heartbeats and requests what it missed.
 
 use std::collections::HashMap;
 use std::net::SocketAddrV4;
@@ -14,13 +14,13 @@ use super::rtps::{
     Endpoints, Prefix, Question, answer, carries_topic, destination, is_of_topic, question, renumber,
 };
 
-/// Readers of a participant that answers nothing for so long hold back no others.
+/// Readers of a participant that does not answer for this time do not delay others.
 const SILENCE: Duration = Duration::from_secs(2);
 /// How often a silent participant is asked again.
 const PROBE_PERIOD: Duration = Duration::from_secs(1);
-/// A participant that is silent for so long is removed. One that comes back later has to subscribe again.
+/// A participant that is silent for this time is removed. One that comes back later has to subscribe again.
 pub(super) const REMOVED_AFTER: Duration = Duration::from_secs(300);
-/// A publisher of which nothing came for so long does not count any more. All announce themselves, Cyclone DDS
+/// A publisher that sent nothing for this time does not count any more. All announce themselves, Cyclone DDS
 /// every 30 s.
 const LOST_AFTER: Duration = Duration::from_secs(70);
 /// Further participants are not watched. Any machine can make up participants.

@@ -15,7 +15,7 @@ use super::rtps::understood_departure;
 
 /// The largest UDP datagram.
 pub(super) const MAX_DATAGRAM_BYTES: usize = 65_507;
-/// After so many bytes the sender pauses: a default receive buffer holds three times as much, and what does
+/// After this number of bytes, the sender pauses: a default receive buffer holds three times as much, and what does
 /// not fit is lost.
 const BURST_BYTES: usize = 48 * 1024;
 /// Time for readers to empty their receive buffers.

@@ -24,7 +24,7 @@ use crate::link_name::LinkName;
 /// The most time that leaving may take.
 const MAX_LEAVING: Duration = Duration::from_secs(5);
 
-/// A session of its own.
+/// A new session.
 pub(crate) fn alone(name: &LinkName, environment: &Environment) -> Result<Arc<dyn Link>, Ros2Error> {
     Ok(Arc::new(ZenohLink::open(name, environment)?))
 }

@@ -61,7 +61,7 @@ impl TopicPublisher {
 }
 
 impl MessagePublisher for TopicPublisher {
-    /// Zenoh tells whether there are any, not how many.
+    /// Zenoh states whether there are any, not how many.
     fn subscribers(&self) -> usize {
         usize::from(self.has_subscribers.load(Ordering::Relaxed))
     }

@@ -11,7 +11,7 @@ const CHECK_PERIOD: Duration = Duration::from_secs(1);
 /// How long the first connection may take before its absence is reported.
 const GRACE: Duration = Duration::from_secs(2);
 
-/// Looks for the router and reports when it comes and goes.
+/// Checks for the router, and reports when it appears and disappears.
 pub(super) struct Router {
     /// Where it is expected; `None` if there need not be one.
     expected: Option<String>,

@@ -17,9 +17,9 @@ use crate::{Fill, Frame, OpenOptions, Source};
 
 /// How long one call may wait, so that a stop is noticed.
 const POLL_TIMEOUT: Duration = Duration::from_millis(100);
-/// A program may take so long until its first image: a network camera has to answer.
+/// The longest time until the first image: a network camera has to answer.
 const START_TIMEOUT: Duration = Duration::from_secs(30);
-/// A program without an image for so long is started again; slow ones have time for as many frames.
+/// A program without an image for this time is started again. A slow one has the time of [`STALL_FRAMES`] images.
 const STALL: Duration = Duration::from_secs(10);
 const STALL_FRAMES: u32 = 10;
 

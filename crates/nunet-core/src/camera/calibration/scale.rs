@@ -126,8 +126,8 @@ impl ScaleNote {
     }
 }
 
-/// A document without the block. It goes on to the last indented line before another key; empty lines and comments may be
-/// between.
+/// A document without the block, which ends at the last indented line before another key. Empty lines and comments may
+/// be between.
 fn without_block(document: &str) -> String {
     let lines: Vec<&str> = document.split_inclusive('\n').collect();
     let Some(start) = lines.iter().position(|line| is_start(line)) else { return document.to_owned() };

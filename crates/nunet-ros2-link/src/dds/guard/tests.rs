@@ -213,7 +213,7 @@ fn discovered(participant: &DomainParticipant) -> Option<usize> {
     answered.recv_timeout(TIMEOUT).ok()
 }
 
-/// Whatever arrives, the library goes on. Each copy comes from a participant of its own, so that its state is fresh.
+/// The library continues after every datagram. Each copy comes from another participant, so that its state is new.
 #[test]
 fn the_library_survives_damaged_datagrams() {
     let (own, receiver) = library();
