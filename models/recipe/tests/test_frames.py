@@ -1,5 +1,7 @@
 """Training on frames of videos: windows, the state across them, and what is refused."""
 
+import json
+
 import numpy as np
 import pytest
 import torch
@@ -11,10 +13,12 @@ from nunet_models.data.augment import NO_AUGMENTATION, Augmentation
 from nunet_models.data.cache import Cached
 from nunet_models.data.sequences import sequence_batches, video_of, window_starts
 from nunet_models.export.collections import TINY_DECODER, tiny_spec
+from nunet_models.export.onnx_file import read_metadata
 from nunet_models.training.validate import predictions
 from nunet_models.zoo import SerialGraph
 from nunet_models.zoo.checkpoint import Checkpoint
 from nunet_models.zoo.component import Component
+from nunet_models.zoo.recurrent import RECURRENT
 from nunet_models.zoo.spec import ComponentSpec
 from nunet_models.zoo.weights import begin_with
 
@@ -71,14 +75,16 @@ def test_a_resumed_epoch_continues_with_the_batches_that_are_left():
     assert torch.equal(whole[2].rgb, rest[0].rgb)
 
 
-def recurrent(size=SIZE, memory=8):
+def recurrent(recurrence, size=SIZE):
     torch.manual_seed(0)
-    spec = ComponentSpec("depth", "depth", "tiny", decoder_channels=TINY_DECODER, memory=memory)
+    spec = ComponentSpec("depth", "depth", "tiny", decoder_channels=TINY_DECODER)
+    spec = spec.changed(memory=8, recurrence=recurrence)
     return Component(spec, in_channels=3, out_channels=1, size=size)
 
 
-def test_frames_at_once_are_frames_one_after_another():
-    component = recurrent().eval()
+@pytest.mark.parametrize("recurrence", ["lstm", "gru"])
+def test_frames_at_once_are_frames_one_after_another(recurrence):
+    component = recurrent(recurrence).eval()
     torch.nn.init.ones_(component.memory.widen.weight)
     frames = torch.randn(3, 2, 3, *SIZE)
     state, expected = component.no_state(2), []
@@ -91,27 +97,26 @@ def test_frames_at_once_are_frames_one_after_another():
         assert not torch.allclose(found[2:], component(frames[1:].flatten(0, 1)))
 
 
-def test_what_only_the_first_frame_shows_is_learned_for_the_later_ones():
-    component = recurrent(size=(32, 32)).train()
-    optimizer = torch.optim.Adam(component.parameters(), lr=1e-2)
-    random = torch.Generator().manual_seed(0)
-
-    def loss():
-        level = torch.rand(8, 1, 1, 1, generator=random).round() * 2 - 1
-        shown = level.expand(8, 3, 32, 32)
-        noise = torch.randn(16, 3, 32, 32, generator=random)
-        raw = component.over_frames(torch.cat([shown, noise]), 3)
-        return (raw[8:].mean((1, 2, 3)) - level.flatten().repeat(2)).square().mean()
-
+@pytest.mark.parametrize("recurrence", ["lstm", "gru"])
+def test_what_only_the_first_frame_shows_is_learned_for_the_later_ones(recurrence):
+    torch.manual_seed(0)
+    memory = RECURRENT[recurrence](2, 8)
+    optimizer = torch.optim.Adam(memory.parameters(), lr=2e-2)
     losses = []
-    for _ in range(180):
+    for _ in range(200):
+        level = torch.randint(0, 2, (32, 1, 1, 1)) * 2.0 - 1.0
+        state = tuple(torch.zeros(32, 8, 1, 1) for _ in memory.state)
+        _, *state = memory(level.expand(32, 2, 1, 1), *state)
+        error = 0.0
+        for noise in 0.3 * torch.randn(2, 32, 2, 1, 1):
+            answer, *state = memory(noise, *state)
+            error = error + (answer - noise - level).square().mean() / 2
         optimizer.zero_grad()
-        found = loss()
-        found.backward()
+        error.backward()
         optimizer.step()
-        losses.append(found.item())
-    assert np.mean(losses[:20]) > 0.8, "1 is the error without a state"
-    assert np.mean(losses[-20:]) < 0.4
+        losses.append(error.item())
+    assert losses[0] == pytest.approx(1.0), "the error without a state"
+    assert np.mean(losses[-20:]) < 0.1
 
 
 def test_validation_starts_each_video_without_a_state():
@@ -137,6 +142,18 @@ def test_a_recurrent_network_can_begin_with_one_that_has_no_state():
     begin_with(graph.component("depth"), plain.component("depth").state_dict())
     image = torch.randn(1, 3, 96, 128)
     assert torch.equal(graph(image)[-1], plain(image)[-1])
+
+
+def test_a_gru_s_file_has_one_state_tensor(dataset, tmp_path):
+    run, model = tmp_path / "run", tmp_path / "model.onnx"
+    gru = ("--architecture", "wnet_c_gru", "--frames", "2", "--batch", "1")
+    assert train(dataset, run, *gru, component="depth", epochs=1) == 0
+    export = ["export", "--checkpoint", str(run / "best.pt"), "--random", "segmentation"]
+    assert main([*export, "--out", str(model)]) == 0
+    (hidden,) = json.loads(read_metadata(model)["nunet.state"])
+    assert (hidden["input"], hidden["output"]) == ("hidden_in", "hidden_out")
+    assert hidden["shape"] == [1, 64, 3, 4]
+    assert evaluate(dataset, "--clip", model=model) == 0
 
 
 def test_frames_train_the_state_resume_and_are_exported(dataset, tmp_path, capsys):

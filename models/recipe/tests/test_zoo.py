@@ -18,7 +18,7 @@ def parameters(module):
     return sum(p.numel() for p in module.parameters())
 
 
-@pytest.mark.parametrize("architecture", [*TINY_ARCHITECTURES, "rcnn1"])
+@pytest.mark.parametrize("architecture", [*TINY_ARCHITECTURES, "rcnn1", "wnet_c_gru"])
 def test_every_architecture_gives_raw_numbers_of_its_size(architecture):
     spec = tiny_spec(architecture)
     outputs = SerialGraph(spec).eval()(torch.zeros(2, 3, *spec.inner_size))
@@ -163,8 +163,9 @@ def test_an_inner_size_that_does_not_divide_is_refused():
         graph_spec("unet", inner_size=(224, 320))
 
 
-def test_an_untrained_state_changes_nothing_and_is_carried():
-    graph = SerialGraph(tiny_spec("wnet_c_lstm")).eval()
+@pytest.mark.parametrize("architecture", ["wnet_c_lstm", "wnet_c_gru"])
+def test_an_untrained_state_changes_nothing_and_is_carried(architecture):
+    graph = SerialGraph(tiny_spec(architecture)).eval()
     image = torch.randn(1, 3, 96, 128)
     state = graph.components[-1].no_state()
     first, state = graph.with_state(image, state)

@@ -8,7 +8,6 @@ import torch
 from torch.utils.flop_counter import FlopCounterMode
 
 from nunet_models.zoo import GraphSpec, SerialGraph
-from nunet_models.zoo.deploy import STATE_INPUTS, STATE_OUTPUTS
 
 DATA_LICENSE = (
     "weights: MIT OR Apache-2.0 as far as the makers can license them; trained on NYU Depth V2, "
@@ -51,10 +50,10 @@ def metadata(
     if any(c.task == "segmentation" for c in spec.components):
         values["nunet.classes"] = list(spec.classes)
     if spec.components[-1].memory:
-        shapes = [list(tensor.shape) for tensor in graph.components[-1].no_state()]
+        last = graph.components[-1]
         values["nunet.state"] = [
-            {"input": given, "output": taken, "shape": shape}
-            for given, taken, shape in zip(STATE_INPUTS, STATE_OUTPUTS, shapes, strict=True)
+            {"input": given, "output": taken, "shape": list(tensor.shape)}
+            for (given, taken), tensor in zip(last.state_names, last.no_state(), strict=True)
         ]
     return {k: v if isinstance(v, str) else to_json(v) for k, v in values.items()}
 

@@ -9,11 +9,11 @@ from torch.func import functional_call
 from nunet_models.errors import ConfigError
 from nunet_models.zoo.backbones import build_unet
 from nunet_models.zoo.dense import DENSE
-from nunet_models.zoo.recurrent import ConvLstm
+from nunet_models.zoo.recurrent import RECURRENT
 from nunet_models.zoo.spec import ComponentSpec
 
-State = tuple[torch.Tensor, torch.Tensor]
-"""Hidden and cell of a component's LSTM, each `[B, units, h, w]` of the encoder's last map."""
+State = tuple[torch.Tensor, ...]
+"""What a component's LSTM or GRU carries, each `[B, units, h, w]` of the encoder's last map."""
 
 
 class Component(nn.Module):
@@ -47,13 +47,24 @@ class Component(nn.Module):
         )
         self.dropout = nn.Dropout2d(spec.dropout) if spec.dropout else nn.Identity()
         if spec.memory:
-            self.memory = ConvLstm(self.unet.encoder.out_channels[-1], spec.memory)
+            channels = self.unet.encoder.out_channels[-1]
+            self.memory = RECURRENT[spec.recurrence](channels, spec.memory)
             self.bottleneck = _last_map(self.unet.encoder, in_channels, size)
 
     @property
     def head(self) -> nn.Conv2d | nn.Linear:
         """The last layer, which outputs the raw numbers."""
         return self.dense.head if hasattr(self, "dense") else self.unet.segmentation_head[0]
+
+    @property
+    def state_names(self) -> list[tuple[str, str]]:
+        """Input and output in the model file of each tensor of the state, float32.
+
+        Zeros go in before the first frame and after every discontinuity of the stream; each output
+        is the next frame's input.
+        """
+        names = self.memory.state if self.spec.memory else ()
+        return [(f"{name}_in", f"{name}_out") for name in names]
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         """Raw numbers of one image, or of the first of a stream."""
@@ -100,7 +111,7 @@ class Component(nn.Module):
     def no_state(self, batch: int = 1) -> State:
         """The state before the first image: zeros."""
         shape = (batch, self.spec.memory, *self.bottleneck)
-        return torch.zeros(shape), torch.zeros(shape)
+        return tuple(torch.zeros(shape) for _ in self.memory.state)
 
     def _decoded(self, maps: list[torch.Tensor]) -> torch.Tensor:
         return self.unet.segmentation_head(self.dropout(self.unet.decoder(maps)))

@@ -12,11 +12,6 @@ PIXEL_SCALE = 128.0
 """One normalization for every network, `(rgb - 127) / 128`: it is EfficientNet-Lite's own, and
 also a DequantizeLinear, so that camera bytes can be the quantized tensor."""
 
-STATE_INPUTS = ("hidden_in", "cell_in")
-STATE_OUTPUTS = ("hidden_out", "cell_out")
-"""State tensors of a recurrent graph, float32: zeros before the first frame and after every
-discontinuity of the stream; each output is the next frame's input."""
-
 
 def normalize(rgb: torch.Tensor) -> torch.Tensor:
     """Bytes 0..255 (any shape, any number type) to float32 -0.99..1."""
@@ -128,7 +123,7 @@ class FusedModel(nn.Module):
     @property
     def input_names(self) -> list[str]:
         """Names of the tensors that `forward` takes."""
-        return ["rgb", *(STATE_INPUTS if self.is_recurrent else ())]
+        return ["rgb", *(given for given, _ in self.network.components[-1].state_names)]
 
     @property
     def output_names(self) -> list[str]:
@@ -136,7 +131,7 @@ class FusedModel(nn.Module):
         results = ["depth"] if self.segments is None else ["depth", "labels"]
         if self.network.confidence is not None:
             results.append(CONFIDENCE)
-        return [*results, *(STATE_OUTPUTS if self.is_recurrent else ())]
+        return [*results, *(taken for _, taken in self.network.components[-1].state_names)]
 
     def example(self, rgb: torch.Tensor) -> tuple[torch.Tensor, ...]:
         """Inputs for an image, the first of its stream."""

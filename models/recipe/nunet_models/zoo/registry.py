@@ -7,7 +7,7 @@ from typing import get_args
 from nunet_models.errors import ConfigError
 from nunet_models.zoo.spec import LITE_DECODER, ComponentSpec, GraphSpec, Task
 
-MEMORY_UNITS = 64  # of W-Net Connected's convolutional LSTM
+MEMORY_UNITS = 64  # of W-Net Connected's convolutional LSTM or GRU
 
 
 def _unet(name: str, task: Task, backbone: str, *, connected: bool = True) -> ComponentSpec:
@@ -33,6 +33,10 @@ ARCHITECTURES: dict[str, Callable[[str], tuple[ComponentSpec, ...]]] = {
     "wnet_c_lstm": lambda b: (
         _segmentation(b),
         ComponentSpec("depth", "depth", b, memory=MEMORY_UNITS),
+    ),
+    "wnet_c_gru": lambda b: (
+        _segmentation(b),
+        ComponentSpec("depth", "depth", b, memory=MEMORY_UNITS, recurrence="gru"),
     ),
 }
 """Each from the name of its backbone; `nunetN` and `nunetN_c` exist for any N as well."""

@@ -10,6 +10,7 @@ from nunet_models.zoo.dense import DENSE
 
 Task = Literal["segmentation", "depth"]
 Encoding = Literal["metric", "minmax"]
+Recurrence = Literal["lstm", "gru"]
 
 PAPER_DECODER = (256, 128, 64, 32, 16)
 """Filters of the paper's decoder, deepest first."""
@@ -51,7 +52,7 @@ class ComponentSpec:
     keeps a final sigmoid on what the next component reads, as in the paper's code. `dropout` (of
     whole channels before the head) and `drop_path` (of encoder blocks) act in training only.
     `backbone` may also be `cnn`, `rcnn1` or `rcnn`, whose hidden layers `width` scales. `memory` is
-    the number of units of a convolutional LSTM at the bottleneck, 0 for none.
+    the number of units of a convolutional LSTM or GRU (`recurrence`) at the bottleneck, 0 for none.
     """
 
     name: str
@@ -64,6 +65,7 @@ class ComponentSpec:
     sigmoid_joint: bool = False
     width: float = 1.0
     memory: int = 0
+    recurrence: Recurrence = "lstm"
 
     def changed(self, **fields: object) -> Self:
         """The same component with some fields changed."""
