@@ -186,6 +186,7 @@ def test_the_head_trains_on_a_dataset_list_and_reports_each_set(dataset, tmp_pat
         (("--start", "x.pt", "--dropout", "0.1"), "`--dropout` does not apply to"),
         (("--start", "x.pt", "--compile"), "`--compile` does not apply to"),
         (("--start", "x.pt", "--unfrozen"), "`--unfrozen` does not apply to"),
+        (("--start", "x.pt", "--frames", "2"), "`--frames` does not apply to"),
     ],
 )
 def test_options_without_meaning_for_the_head_are_refused(dataset, tmp_path, capsys, more, word):

@@ -194,12 +194,13 @@ def _check_of_confidence(options: argparse.Namespace) -> None:
         *("dropout", "drop_path", "label_loss", "unfrozen", "compile"),
         *("begin_with", "imagenet", "like"),
     )
-    for name in of_components:
-        if getattr(options, name):
-            raise OptionError(
-                f"`--{name.replace('_', '-')}` does not apply to `--component {CONFIDENCE}`",
-                hint="only the head is trained",
-            )
+    given = [name for name in of_components if getattr(options, name)]
+    given += ["frames"] * (options.frames > 1)
+    if given:
+        raise OptionError(
+            f"`--{given[0].replace('_', '-')}` does not apply to `--component {CONFIDENCE}`",
+            hint="only the head is trained",
+        )
 
 
 def _earlier(graph: SerialGraph, options: argparse.Namespace) -> Component:
