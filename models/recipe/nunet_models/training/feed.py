@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -67,11 +68,14 @@ class FolderFeed:
     show: Cached | None = None
     frames: int = 1
 
+    @cached_property
+    def starts(self) -> list[int]:
+        """Where the windows of an epoch begin: at every image, if they have one frame."""
+        return window_starts(self.train.ids, self.frames)
+
     def images(self) -> int:
         """Images of an epoch, or windows of several frames."""
-        return (
-            len(window_starts(self.train.ids, self.frames)) if self.frames > 1 else len(self.train)
-        )
+        return len(self.starts)
 
     def has(self, what: str) -> dict[str, bool]:
         """Whether the data have "labels" or "depth"."""
