@@ -105,7 +105,7 @@ const NO_DEPENDENCY: [(&str, &[&str]); 18] = [
     ("xtask/Cargo.toml", &["ort", "iceoryx2", "nunet-core", "nunet-ipc", "nunet-daemon"]),
 ];
 
-fn strangers(path: &str, text: &str) -> Vec<String> {
+fn forbidden_paths(path: &str, text: &str) -> Vec<String> {
     let mut problems = Vec::new();
     for (name, homes) in HOMES {
         if homes.iter().any(|home| path.starts_with(home)) {
@@ -148,16 +148,16 @@ fn forbidden(path: &str, manifest: &str, unwanted: &[&str]) -> Vec<String> {
 #[test]
 fn each_restricted_crate_is_used_in_one_place() {
     let problems: Vec<String> =
-        repository::rust().iter().flat_map(|(path, text)| strangers(path, text)).collect();
+        repository::rust().iter().flat_map(|(path, text)| forbidden_paths(path, text)).collect();
     assert_none(&problems);
 }
 
 #[test]
 fn a_use_of_ort_elsewhere_is_found() {
     let text = "use ort::Session;\nfn f() { ort::init() }\n// ort::init\nlet s = \"ort::init\"; let ort = 1;";
-    let found = strangers("crates/nunet-core/src/pipeline.rs", text);
+    let found = forbidden_paths("crates/nunet-core/src/pipeline.rs", text);
     assert_eq!(found.len(), 2, "{found:?}");
-    assert!(strangers("crates/nunet-core/src/graph/onnx/session.rs", text).is_empty());
+    assert!(forbidden_paths("crates/nunet-core/src/graph/onnx/session.rs", text).is_empty());
 }
 
 #[test]

@@ -14,7 +14,7 @@ use crate::support::{Guarded, SIZE, camera, run, signal, text, wait_for};
 
 const OWNER: u32 = 61_001;
 const READER: u32 = 61_002;
-const STRANGER: u32 = 61_003;
+const OUTSIDER: u32 = 61_003;
 /// What owner and reader have in common.
 const GROUP: u32 = 61_100;
 
@@ -51,7 +51,7 @@ impl World {
         fs::write(world.path("config/iceoryx2.toml"), config).unwrap();
         // As /tmp is.
         fs::set_permissions(world.0.path(), Permissions::from_mode(0o1777)).unwrap();
-        for user in [OWNER, READER, STRANGER] {
+        for user in [OWNER, READER, OUTSIDER] {
             chown(world.folder(&user.to_string()), Some(user), Some(user)).unwrap();
         }
         world
@@ -87,7 +87,7 @@ impl World {
     fn command(&self, user: u32, program: &Path, arguments: &[&str]) -> Command {
         let mut command = Command::new("setpriv");
         command.args(["--reuid", &user.to_string(), "--regid", &user.to_string()]);
-        if user == STRANGER {
+        if user == OUTSIDER {
             command.arg("--clear-groups");
         } else {
             command.args(["--groups", &GROUP.to_string()]);
@@ -180,9 +180,9 @@ fn the_group_can_read_but_not_write_and_others_can_do_neither() {
     for path in world.payload() {
         assert_eq!(world.rights(OWNER, &path), (true, true));
         assert_eq!(world.rights(READER, &path), (true, false), "{}", path.display());
-        assert_eq!(world.rights(STRANGER, &path), (false, false));
+        assert_eq!(world.rights(OUTSIDER, &path), (false, false));
     }
-    let refused = world.watch(STRANGER, &name, "1");
+    let refused = world.watch(OUTSIDER, &name, "1");
     assert_eq!(refused.status.code(), Some(1));
     let stderr = text(&refused.stderr);
     assert!(stderr.contains(&format!("it belongs to user {OWNER} and group {GROUP}\nhint: ")), "{stderr}");

@@ -112,7 +112,7 @@ proptest! {
     }
 
     #[test]
-    fn rubbish_never_panics(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
+    fn arbitrary_bytes_never_panic(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
         body::y4m(&bytes);
         body::y4m(&[b"YUV4MPEG2 ", bytes.as_slice()].concat());
         body::raw(&bytes);

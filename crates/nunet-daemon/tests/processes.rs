@@ -323,19 +323,19 @@ fn await_cloud(reader: &Reader, computed: bool) {
 #[test]
 fn readers_that_hold_frames_or_sleep_do_not_slow_the_daemon() {
     let bench = Bench::new();
-    let name = camera("hoarded");
+    let name = camera("held");
     let _daemon = demo_daemon(&bench, &name);
-    let hoarder = await_frame(&name);
+    let reader = await_frame(&name);
     let _sleeper =
         Reader::open(&CameraName::new(&name).unwrap(), &[Topic::Depth, Topic::Cloud], TIMEOUT).unwrap();
-    let mut hoard = Vec::new();
+    let mut held = Vec::new();
     let start = Instant::now();
-    while hoard.len() < 2 && start.elapsed() < TIMEOUT {
-        hoarder.wait(Duration::from_millis(50)).unwrap();
-        hoard.extend(hoarder.latest(Topic::Depth).unwrap());
+    while held.len() < 2 && start.elapsed() < TIMEOUT {
+        reader.wait(Duration::from_millis(50)).unwrap();
+        held.extend(reader.latest(Topic::Depth).unwrap());
     }
     let seen = run(nunetd(&["watch", &name, "--json", "--frames", "30"]));
     assert_eq!(seen.status.code(), Some(0), "{}", text(&seen.stderr));
-    let depths: Vec<f32> = hoard.iter().map(|frame| frame.depth().unwrap()[0]).collect();
-    assert!(depths.iter().all(|depth| depth.is_finite()), "hoarded frames stay as they are");
+    let depths: Vec<f32> = held.iter().map(|frame| frame.depth().unwrap()[0]).collect();
+    assert!(depths.iter().all(|depth| depth.is_finite()), "held frames stay as they are");
 }

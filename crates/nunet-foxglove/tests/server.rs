@@ -262,8 +262,8 @@ fn clients_that_stall_die_or_send_nonsense_do_not_disturb_others() {
         let raw = confused.socket.get_mut();
         raw.writable().await.unwrap();
         raw.try_write(&[0xf7; 64]).unwrap();
-        let mut stranger = std::net::TcpStream::connect(server.address()).unwrap();
-        stranger.write_all(&[0; 64]).unwrap();
+        let mut other_client = std::net::TcpStream::connect(server.address()).unwrap();
+        other_client.write_all(&[0; 64]).unwrap();
         let mut good = Client::connect(server.address(), TOPICS.len()).await;
         let subscription = good.subscribe("/front/depth/image_raw").await;
         for number in 0..2000 {

@@ -72,21 +72,21 @@ fn readers_that_never_release_frames_block_neither_the_publisher_nor_others() {
     let camera = camera();
     let publisher = publisher(&camera, &[Topic::Depth]);
     let limits = Limits::default();
-    let mut hoarders = Vec::new();
+    let mut holding_readers = Vec::new();
     for _ in 0..limits.max_readers - 1 {
-        hoarders.push((depth_reader(&camera), Vec::new()));
+        holding_readers.push((depth_reader(&camera), Vec::new()));
     }
-    let honest = depth_reader(&camera);
+    let releasing = depth_reader(&camera);
     for sequence in 0..100 {
         publish_depth(&publisher, sequence); // panics when there is no free chunk
-        for (reader, held) in &mut hoarders {
+        for (reader, held) in &mut holding_readers {
             if held.len() < limits.max_held_frames && sequence % 3 == 0 {
                 held.push(latest(reader));
             }
         }
-        assert_eq!(latest(&honest).depth().unwrap()[0], sequence as f32);
+        assert_eq!(latest(&releasing).depth().unwrap()[0], sequence as f32);
     }
-    for (reader, held) in &hoarders {
+    for (reader, held) in &holding_readers {
         assert_eq!(held[0].depth().unwrap()[0], 0.0, "a held frame must not change");
         assert_eq!(held[1].depth().unwrap()[0], 3.0, "a held frame must not change");
         let error = reader.latest(Topic::Depth).unwrap_err();

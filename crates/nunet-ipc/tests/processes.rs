@@ -20,13 +20,13 @@ fn peer() {
     let Some((role, argument)) = role() else { return };
     match role.as_str() {
         "own" => own(&argument),
-        "own in vain" => say(&create(&argument).unwrap_err().to_string()),
+        "fail to create" => say(&create(&argument).unwrap_err().to_string()),
         "read" => read(&argument),
         "look once" => {
             Reader::open(&CameraName::new(&argument).unwrap(), &[Topic::Depth], TIMEOUT).unwrap();
             say("ready");
         }
-        "wait in vain" => wait_in_vain(&argument),
+        "wait for absent camera" => wait_for_absent_camera(&argument),
         "show a pointer" => show_a_pointer(&argument),
         "look at a pointer" => look_at_a_pointer(&argument),
         "publish everything of vga" => publish_everything_of_vga(&argument),
@@ -68,7 +68,7 @@ fn read(camera: &str) {
 }
 
 /// Opens a camera that is never published again and again, as programs do that wait for one.
-fn wait_in_vain(camera: &str) {
+fn wait_for_absent_camera(camera: &str) {
     let camera = CameraName::new(camera).unwrap();
     for _ in 0..10 {
         let error = Reader::open(&camera, &[Topic::Depth], Duration::from_millis(20)).unwrap_err();
@@ -204,7 +204,7 @@ fn a_second_publisher_gets_the_process_that_has_the_camera() {
     let sandbox = Sandbox::new();
     let mut first = sandbox.spawn("peer", "own", "front");
     first.line();
-    let mut second = sandbox.spawn("peer", "own in vain", "front");
+    let mut second = sandbox.spawn("peer", "fail to create", "front");
     let message = second.line();
     assert!(message.contains(&format!("belongs to process {}", first.pid())), "{message}");
 }
@@ -273,7 +273,7 @@ fn waiting_for_an_absent_publisher_creates_no_files() {
     let nodes = sandbox.root().join("nodes");
     let changed = || std::fs::metadata(&nodes).unwrap().modified().unwrap();
     let before = changed();
-    assert_eq!(sandbox.spawn("peer", "wait in vain", "absent").line(), "waited");
+    assert_eq!(sandbox.spawn("peer", "wait for absent camera", "absent").line(), "waited");
     assert_eq!(changed(), before, "a node was created or removed");
     assert_eq!(sandbox.spawn("peer", "look once", "other").line(), "ready");
     assert_ne!(changed(), before, "opening what is there does create one");

@@ -31,7 +31,7 @@ pub trait Link: Send + Sync {
     ) -> Result<Box<dyn MessageSubscriber>, Ros2Error>;
 
     /// The types that other nodes publish on `topic`, such as `sensor_msgs/msg/Image`. Those of publishers
-    /// that died without a farewell stay for a while.
+    /// that were killed without announcing it stay for a while.
     ///
     /// # Errors
     /// The middleware failed.

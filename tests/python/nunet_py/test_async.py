@@ -44,10 +44,10 @@ def test_a_silent_publisher_is_a_timeout_with_the_reason():
             pass
 
     with attached() as (publisher, frames):
-        with nunet.subscribe(publisher.camera, topics=["rgb"], timeout=0.1) as impatient:
-            assert impatient.timeout == pytest.approx(0.1)
+        with nunet.subscribe(publisher.camera, topics=["rgb"], timeout=0.1) as subscriber:
+            assert subscriber.timeout == pytest.approx(0.1)
             with pytest.raises(TimeoutError, match="publishes it, but has sent nothing new") as error:
-                asyncio.run(run(impatient))
+                asyncio.run(run(subscriber))
             hint_of(error)
         publisher.publish(image(1))
         assert frames.next().sequence == 0

@@ -188,13 +188,13 @@ def test_the_time_of_capture_may_be_set_inside_of_the_block(pair):
 
 def test_arrays_of_earlier_loans_that_hold_all_memory_are_a_clear_error(pair):
     publisher, frames = pair
-    hoard = []
+    held = []
     with pytest.raises(nunet.NunetError, match="arrays of earlier loans hold it") as error:
         for _ in range(20):
             with publisher.loan() as image:
-                hoard.append(image[..., 0])
+                held.append(image[..., 0])
     hint_of(error)
-    hoard.clear()
+    held.clear()
     del image, error
     gc.collect()
     publisher.publish(noise())

@@ -111,22 +111,22 @@ def test_a_loop_that_keeps_one_frame_and_its_arrays_stays_within_the_limit(still
 
 def test_a_subscriber_that_holds_too_many_frames_gets_an_error_and_affects_no_other(still):
     attach = {"topics": ["rgb"], "timeout": TIMEOUT}
-    with nunet.subscribe(still.camera, **attach) as hoarder, nunet.subscribe(still.camera, **attach) as other:
-        hoard = []
+    with nunet.subscribe(still.camera, **attach) as holding, nunet.subscribe(still.camera, **attach) as other:
+        held = []
         for value in range(2):
             still.publish(image(value))
-            hoard.append(hoarder.next().rgb)
+            held.append(holding.next().rgb)
             other.next()
         still.publish(image(2))
         with pytest.raises(nunet.NunetError, match="hold 2 messages of `rgb`") as error:
-            hoarder.next()
+            holding.next()
         assert ".copy()" in hint_of(error)
         for value in range(3, 50):
             still.publish(image(value))
             assert other.next().rgb[0, 0, 0] == value
-        assert [array[0, 0, 0] for array in hoard] == [0, 1]
-        hoard.pop()
-        assert hoarder.next().rgb[0, 0, 0] == 49, "it continues with the newest"
+        assert [array[0, 0, 0] for array in held] == [0, 1]
+        held.pop()
+        assert holding.next().rgb[0, 0, 0] == 49, "it continues with the newest"
 
 
 # A publisher of depth with an arbitrary header, in a process of its own: see above.

@@ -14,7 +14,7 @@ use super::found::Found;
 use super::guard::{hide_misunderstood, is_acceptable, participant_payload};
 use super::health::Library;
 use super::peers::{Peers, REMOVED_AFTER};
-use super::rtps::{Prefix, end_of_readers, farewell_of, sender};
+use super::rtps::{Prefix, departure_of, end_of_readers, sender};
 use super::sending::MAX_DATAGRAM_BYTES;
 use super::subscriber::Inboxes;
 use super::user_data::is_only_user_data;
@@ -56,7 +56,7 @@ impl Receiving {
             for (gone, readers) in self.peers.take_gone(Instant::now()) {
                 debug!("a ROS 2 participant has not answered for {REMOVED_AFTER:?}: {gone:02x?}");
                 self.library.give(end_of_readers(gone, &readers));
-                self.library.give(farewell_of(gone, 1));
+                self.library.give(departure_of(gone, 1));
             }
         }
     }

@@ -168,8 +168,8 @@ const READERS_WRITER: Entity = [0, 0, 4, 0xc2];
 /// Higher than all numbers of announcements of a participant.
 const LAST_ANNOUNCEMENT: u64 = 1 << 40;
 
-/// How `participant` says that it leaves.
-pub(super) fn farewell_of(participant: Prefix, sequence: u64) -> Vec<u8> {
+/// The datagram by which `participant` announces that it leaves.
+pub(super) fn departure_of(participant: Prefix, sequence: u64) -> Vec<u8> {
     let leaving = disposal([PARTICIPANT_READER, PARTICIPANT_WRITER], sequence, participant, PARTICIPANT);
     [&header_of(participant)[..], &leaving].concat()
 }
@@ -221,7 +221,7 @@ pub(super) fn understood_departure(datagram: &[u8]) -> Option<Vec<u8>> {
     let is_departure =
         part.flags & (FLAG_DATA | FLAG_KEY) == FLAG_KEY && body.get(8..12)? == PARTICIPANT_WRITER;
     let sequence = (u64::from(word(body, 12, is_little)?) << 32) | u64::from(word(body, 16, is_little)?);
-    if is_departure { Some(farewell_of(sender(datagram)?, sequence)) } else { None }
+    if is_departure { Some(departure_of(sender(datagram)?, sequence)) } else { None }
 }
 
 #[cfg(test)]

@@ -208,14 +208,14 @@ fn a_transport_that_hangs_or_panics_holds_up_neither_frames_nor_the_shutdown() {
     }
 }
 
-/// Takes the second announcement, and has a problem.
+/// A link that accepts the second announcement only, and reports a problem.
 #[derive(Default)]
-struct Shy {
+struct LateLink {
     announcements: AtomicUsize,
     dropped: AtomicU64,
 }
 
-impl Link for Shy {
+impl Link for LateLink {
     fn publisher(
         &self,
         _node: &str,
@@ -254,7 +254,7 @@ impl Link for Shy {
 
 #[test]
 fn a_node_that_could_not_be_announced_is_announced_later() {
-    let (link, counts) = (Arc::new(Shy::default()), MessageCounts::default());
+    let (link, counts) = (Arc::new(LateLink::default()), MessageCounts::default());
     let node = crate::Ros2Node::over(Arc::clone(&link) as Arc<dyn Link>, "test", Topics::Default);
     let sink = node.add_camera(&options(&counts)).unwrap();
     let start = Instant::now();

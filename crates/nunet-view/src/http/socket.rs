@@ -63,7 +63,7 @@ struct Client {
     heard: Instant,
     pinged: Instant,
     /// How many cameras `hello` named.
-    greeted: usize,
+    announced: usize,
 }
 
 /// The camera that a viewer watches.
@@ -158,13 +158,13 @@ async fn next_frame(watching: &mut Option<Watching>) -> Option<Arc<ViewFrame>> {
 impl Client {
     fn new(socket: WebSocket, shared: ServerState) -> Self {
         let now = Instant::now();
-        Self { socket, shared, watching: None, shown: None, heard: now, pinged: now, greeted: 0 }
+        Self { socket, shared, watching: None, shown: None, heard: now, pinged: now, announced: 0 }
     }
 
     /// Serves the viewer until one side closes. Nothing is read while a frame is being sent. A viewer that
     /// reads nothing is disconnected by the write timeout of its connection.
     async fn run(mut self) -> Result<(), axum::Error> {
-        self.greet().await?;
+        self.send_hello().await?;
         let mut ticks = interval(STATUS_PERIOD);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
@@ -180,9 +180,9 @@ impl Client {
     }
 
     /// Names the cameras. At the beginning, and again when one is added: the server runs before the cameras do.
-    async fn greet(&mut self) -> Result<(), axum::Error> {
+    async fn send_hello(&mut self) -> Result<(), axum::Error> {
         let cameras = self.shared.cameras.all();
-        self.greeted = cameras.len();
+        self.announced = cameras.len();
         let cameras = cameras.iter().map(|camera| camera.name.as_str()).collect();
         let palette = palette().as_flattened().to_vec();
         self.say(&ServerMessage::Hello { protocol: PROTOCOL_VERSION, cameras, palette }).await
@@ -259,8 +259,8 @@ impl Client {
     }
 
     async fn tick(&mut self) -> Result<AfterMessage, axum::Error> {
-        if self.shared.cameras.all().len() != self.greeted {
-            self.greet().await?;
+        if self.shared.cameras.all().len() != self.announced {
+            self.send_hello().await?;
         }
         if let Some(status) = self.watching.as_mut().and_then(Watching::status) {
             self.socket.send(Message::Text(status.into())).await?;

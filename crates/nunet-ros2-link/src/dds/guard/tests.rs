@@ -17,7 +17,7 @@ use dust_dds::transport::interface::{
 use nunet_testkit::hostile::damaged;
 
 use super::super::raw_message::RawMessage;
-use super::super::rtps::{Prefix, farewell_of};
+use super::super::rtps::{Prefix, departure_of};
 use super::*;
 
 const PEER: Prefix = [9; 12];
@@ -232,7 +232,7 @@ fn the_library_survives_damaged_datagrams() {
             let copy = damaged(&whole[usize::from(kind)][HEADER_BYTES..], seed.into());
             give(&[&whole[0][..HEADER_BYTES], &copy].concat());
             give(&whole[1]);
-            give(&farewell_of(peer, 9));
+            give(&departure_of(peer, 9));
         }
         give(&participant([kind; 12]));
         // The library answers before it has worked on what waits.

@@ -47,14 +47,14 @@ fn topics_and_discovery_are_distinguished() {
 }
 
 #[test]
-fn a_farewell_is_one_submessage_of_the_participant_that_leaves() {
-    let farewell = farewell_of(PEER, (7 << 32) + 5);
-    assert_eq!(sender(&farewell), Some(PEER));
-    assert_eq!(farewell[28..36], [0, 1, 0, 0xc7, 0, 1, 0, 0xc2], "from the writer of announcements");
-    assert_eq!(farewell[36..44], [7, 0, 0, 0, 5, 0, 0, 0]);
-    let parts: Vec<_> = submessages(&farewell).collect();
-    assert_eq!((parts.len(), parts[0].body.end), (1, farewell.len()));
-    let found: Vec<_> = parameters(&farewell[24..], 20, true).map(|(_, id, _)| id).collect();
+fn a_departure_is_one_submessage_of_the_participant_that_leaves() {
+    let departed = departure_of(PEER, (7 << 32) + 5);
+    assert_eq!(sender(&departed), Some(PEER));
+    assert_eq!(departed[28..36], [0, 1, 0, 0xc7, 0, 1, 0, 0xc2], "from the writer of announcements");
+    assert_eq!(departed[36..44], [7, 0, 0, 0, 5, 0, 0, 0]);
+    let parts: Vec<_> = submessages(&departed).collect();
+    assert_eq!((parts.len(), parts[0].body.end), (1, departed.len()));
+    let found: Vec<_> = parameters(&departed[24..], 20, true).map(|(_, id, _)| id).collect();
     assert_eq!(found, [0x70, 0x71]);
 }
 
@@ -66,6 +66,6 @@ fn the_departure_of_the_library_has_no_data() {
     let status = [0x71, 0, 4, 0, 0, 0, 0, 2, 1, 0, 0, 0];
     let body = [&head[..], &status, &key].concat();
     let departure = |flags| datagram(&[&[DATA, flags, body.len() as u8, 0], &body]);
-    assert_eq!(understood_departure(&departure(0x0b)), Some(farewell_of(PEER, 3)));
+    assert_eq!(understood_departure(&departure(0x0b)), Some(departure_of(PEER, 3)));
     assert_eq!(understood_departure(&departure(0x07)), None, "an announcement");
 }
