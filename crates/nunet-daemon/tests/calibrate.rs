@@ -115,6 +115,9 @@ fn true_depth_gives_a_factor() {
     }
     assert_factor(&calibrate(&bench, &["--truth", &bench.arg("truth")]), 3);
     assert!(!Path::new("nunet.yaml").exists(), "nothing is written that was not asked for");
+    let (truth, file) = (bench.arg("truth"), bench.arg("front.yaml"));
+    assert_factor(&calibrate(&bench, &["--truth", &truth, "--calibration", &file]), 3);
+    assert!(std::fs::read_to_string(&file).unwrap().contains("nunet_scale:\n  factor: 0.5"));
 }
 
 #[test]

@@ -9,6 +9,7 @@ use nunet_types::{NO_LABEL, ObstacleSector, SectorState};
 use serde::Serialize;
 
 use crate::error::EvalError;
+use crate::median::median;
 
 /// Obstacles nearer than this are those that a robot must not miss, meters.
 const NEAR_M: f32 = 2.0;
@@ -150,14 +151,9 @@ impl Group {
             found: share(self.found),
             unknown: share(self.unknown),
             missed: share(self.missed),
-            range_error: median(self.errors.clone()),
+            range_error: median(self.errors.iter().map(|&error| error.into()).collect()),
         }
     }
-}
-
-fn median(mut values: Vec<f32>) -> Option<f64> {
-    values.sort_unstable_by(f32::total_cmp);
-    values.get(values.len() / 2).map(|&value| value.into())
 }
 
 /// Scores of obstacles. A share is `None` if there are no sectors.

@@ -24,7 +24,7 @@ pub struct GeometryArgs {
     /// Focal lengths and principal point in pixels, for a camera without distortion; `@WxH` is the size they are valid for
     #[arg(long, value_name = "fx,fy,cx,cy[@WxH]", allow_hyphen_values = true)]
     pub intrinsics: Option<Text<IntrinsicsSpec>>,
-    /// A calibration with distortion: a ROS `camera_info` file (`plumb_bob`, `rational_polynomial`, `equidistant`)
+    /// A calibration with distortion: a ROS `camera_info` file, a Kalibr camchain, or YAML of OpenCV
     #[arg(long, value_name = "FILE.yaml", conflicts_with = "intrinsics")]
     pub calibration: Option<PathBuf>,
     /// Rotate the images clockwise before everything else, because the camera is mounted turned. Intrinsics and

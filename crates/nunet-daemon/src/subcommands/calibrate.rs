@@ -91,11 +91,13 @@ fn check_files(options: &CalibrateOptions) -> anyhow::Result<()> {
         Evidence::Readings(table) => ("a file of the readings", files_of_readings(table)?),
         Evidence::Truth(truth) => ("an input", truth.files()),
     };
-    inputs.into_iter().for_each(|file| files.read(role, file));
+    let named = options.geometry.calibration.as_deref();
+    // The named calibration is an input too, of which all stays.
+    let others = inputs.into_iter().filter(|file| named.is_none_or(|named| place(named) != place(file)));
+    others.for_each(|file| files.read(role, file));
     let Some(out) = &options.out else { return Ok(()) };
     files.write("the calibration to write", out);
     files.check().map_err(|error| BadArguments::of(&error))?;
-    let named = options.geometry.calibration.as_deref();
     refuse_output(out, options.force || named.is_some_and(|named| place(named) == place(out)))
 }
 
