@@ -1,4 +1,4 @@
-//! Where participants are that announced themselves.
+//! The addresses of participants that announced themselves.
 
 use std::collections::HashMap;
 use std::net::SocketAddrV4;
@@ -23,7 +23,7 @@ impl Found {
         }
     }
 
-    /// Those that are still there at `now`.
+    /// The addresses that are not outdated at `now`.
     pub(super) fn at(&self, now: Instant) -> Vec<SocketAddrV4> {
         let mut found = self.lock();
         found.retain(|_, last| now.saturating_duration_since(*last) < FORGOTTEN_AFTER);

@@ -1,7 +1,7 @@
-//! Which datagrams `dust_dds` 0.16 gets, and which parts of them.
+//! Which datagrams are passed to `dust_dds` 0.16, and which parts of them.
 //!
-//! It panics at some values that any machine can send, and its thread ends with that. So it gets nothing but what it needs, in
-//! the form that ROS 2 sends: kinds of submessages from a list, all fields in their ranges, all lengths as it counts them.
+//! Some values, which any machine can send, make it panic and end its thread. So it receives only what it needs, in the
+//! form that ROS 2 sends: submessages of listed kinds, with all fields in their ranges and lengths as it computes them.
 
 use std::ops::Range;
 
@@ -19,7 +19,7 @@ use super::rtps::{
 const FLAG_INVALID: u8 = 2;
 /// The largest number of missing messages or fragments in a set.
 const MAX_SET: u32 = 256;
-/// The library counts on from numbers that it gets.
+/// The library continues counting from the numbers that it receives.
 const MAX_SEQUENCE: i64 = 1 << 62;
 const MAX_FRAGMENT: u32 = 1 << 31;
 

@@ -21,8 +21,8 @@ use super::user_data::is_only_user_data;
 
 /// How often receiving threads check whether they have to end.
 const POLL_PERIOD: Duration = Duration::from_millis(200);
-/// The transport removes participants that answer nothing, and not the library, which would match their readers
-/// again.
+/// The transport removes participants that do not answer. The library does not, because it would match their
+/// readers again.
 const LEASE_SECONDS: i32 = 2 * REMOVED_AFTER.as_secs() as i32;
 
 /// Hands what a socket receives to the subscribers and to the library, on a thread.

@@ -14,7 +14,7 @@ const ROUTER: &str = "tcp/localhost:7447";
 const MAX_FILE_BYTES: u64 = 1 << 20;
 
 /// What `DEFAULT_RMW_ZENOH_SESSION_CONFIG.json5` of `rmw_zenoh_cpp` states other than Zenoh's defaults:
-/// - peers find each other by the router, and the router is retried for ever;
+/// - peers find each other by the router, and a missing router is retried without end;
 /// - messages have timestamps, which publishers that keep messages need;
 /// - times are long, because many nodes may start together;
 /// - other sessions may read what this one counts, and so can this one.

@@ -1,4 +1,4 @@
-//! Messages that Zenoh dropped because a peer did not take them. A publisher does not learn of it; the library
+//! Messages that Zenoh dropped because a peer did not take them. Publishers are not informed, but the library
 //! counts them, and gives the counts in the format of Prometheus.
 
 use std::sync::{Mutex, PoisonError};

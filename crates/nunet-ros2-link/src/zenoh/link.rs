@@ -21,7 +21,7 @@ use crate::error::Ros2Error;
 use crate::link::{Delivery, Endpoint, Link, MessagePublisher, MessageSubscriber};
 use crate::link_name::LinkName;
 
-/// The most time that leaving may take.
+/// The longest time that closing the session may take.
 const MAX_LEAVING: Duration = Duration::from_secs(5);
 
 /// A new session.

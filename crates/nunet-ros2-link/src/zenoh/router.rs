@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use tracing::{info, warn};
 use zenoh::{Session, Wait as _};
 
-/// How long a result is used again.
+/// How long a result stays valid.
 const CHECK_PERIOD: Duration = Duration::from_secs(1);
 /// How long the first connection may take before its absence is reported.
 const GRACE: Duration = Duration::from_secs(2);
