@@ -28,7 +28,7 @@ pub enum FilePlanError {
         other: &'static str,
     },
     /// An output in a folder that is read as a whole: the next run would read it too.
-    #[error("{output} `{}` would be in `{}`, which is {input} and would have it as a part", path.display(), folder.display())]
+    #[error("{output} `{}` would be in `{}`, which is {input} and is read as a whole", path.display(), folder.display())]
     InInput {
         /// The output.
         path: PathBuf,
@@ -313,7 +313,7 @@ mod tests {
         );
         assert_eq!(
             files.problem(&["bag"], &["bag/front.mcap"]).unwrap(),
-            "the output `bag/front.mcap` would be in `bag`, which is the source and would have it as a part"
+            "the output `bag/front.mcap` would be in `bag`, which is the source and is read as a whole"
         );
         assert!(files.problem(&["in"], &["in/new.mcap"]).is_some(), "the images would become a recording");
         assert_eq!(files.problem(&["in"], &["in/stats.json", "in/results/"]), None);
