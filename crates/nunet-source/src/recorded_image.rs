@@ -83,10 +83,15 @@ impl ImageConverter {
 struct CameraCache {
     made_of: Option<(CameraDescription, ImageSize, u8)>,
     camera: Option<Camera>,
+    /// Why cameras were not used, as far as it was reported.
+    reported: Vec<String>,
 }
 
+/// The most reasons that are reported: a faulty driver may give another one with every image.
+const MAX_REASONS: usize = 8;
+
 impl CameraCache {
-    /// The camera at the image's size. One that makes no sense is reported once and not used.
+    /// The camera at the image's size. One that makes no sense is not used, and each reason is reported once.
     fn camera(
         &mut self,
         topic: &str,
@@ -102,11 +107,22 @@ impl CameraCache {
             self.made_of = Some((described.clone(), size, orientation.to_exif()));
             self.camera = camera(described, size, orientation)
                 .inspect_err(|error| {
-                    warn!("the camera of topic `{topic}` is not used: {error}");
+                    if self.is_news(error) {
+                        warn!("the camera of topic `{topic}` is not used: {error}");
+                    }
                 })
                 .ok();
         }
         self.camera
+    }
+
+    /// Whether a reason was not reported before. A description is no help: one with NaN differs from itself.
+    fn is_news(&mut self, reason: &str) -> bool {
+        let is_new = self.reported.len() < MAX_REASONS && !self.reported.iter().any(|known| known == reason);
+        if is_new {
+            self.reported.push(reason.to_owned());
+        }
+        is_new
     }
 }
 
@@ -213,6 +229,32 @@ mod tests {
         let faulty = CameraDescription { fault: Some("its region of interest is none".into()), ..described };
         let error = camera(&faulty, ImageSize::new(320, 240), Orientation::NoTransforms).unwrap_err();
         assert_eq!(error, "its region of interest is none");
+    }
+
+    #[test]
+    fn each_reason_not_to_use_a_camera_is_reported_once_and_not_for_every_image() {
+        let mut cache = CameraCache::default();
+        let mut reported = |fx_px: f64, fault: Option<String>| {
+            let intrinsics = [fx_px, 500.0, 320.0, 240.0];
+            let described = CameraDescription {
+                width: 640,
+                height: 480,
+                intrinsics,
+                fault,
+                ..CameraDescription::default()
+            };
+            let is_good = described.fault.is_none() && fx_px.is_finite();
+            for _image in 0..3 {
+                let used =
+                    cache.camera("/c", Some(&described), ImageSize::new(640, 480), Orientation::NoTransforms);
+                assert_eq!(used.is_some(), is_good);
+            }
+            cache.reported.len()
+        };
+        let flips = [f64::NAN, 500.0, f64::NAN, 500.0, f64::INFINITY, f64::NAN];
+        assert_eq!(flips.map(|fx_px| reported(fx_px, None)), [1, 1, 1, 1, 2, 2]);
+        let last = (0..100).map(|fault| reported(500.0, Some(fault.to_string()))).last();
+        assert_eq!(last, Some(MAX_REASONS), "a driver cannot fill the log");
     }
 
     /// The frame of a PNG on a topic.
