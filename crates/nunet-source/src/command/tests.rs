@@ -63,6 +63,17 @@ fn output_that_is_no_image_is_an_error() {
     assert!(text.contains("the program's output is not Y4M: it does not begin with"), "{text}");
 }
 
+/// The program fails too, because its output is closed: that is not the reason.
+#[test]
+fn output_that_is_no_image_any_more_is_the_reason_and_not_how_the_program_ends() {
+    let header = "printf 'YUV4MPEG2 W2 H1 F25:1 Cmono\\n'";
+    let name = format!("exec:{header}; while echo no image; do :; done");
+    let mut source = SourceName::parse(&name).open(OpenOptions::default()).unwrap();
+    let Fill::Broken(error) = next(source.as_mut(), &mut Frame::default()) else { panic!("it is broken") };
+    let text = format!("{error:#}");
+    assert!(text.contains("image 1 of the program's output cannot be read: it does not begin"), "{text}");
+}
+
 /// A network camera may be switched on later.
 #[test]
 fn a_command_that_fails_is_waited_for() {

@@ -140,7 +140,8 @@ impl<R: Read + Send> ImageReader for Y4mReader<R> {
         let frame = match self.decoder.read_frame() {
             Ok(frame) => frame,
             Err(y4m::Error::EOF) if count(&self.read_before) == before => return Ok(false),
-            Err(error) => return Err(cut_off(&error, self.frames + 1, self.name)),
+            Err(y4m::Error::EOF) => return Err(cut_off(self.frames + 1, self.name)),
+            Err(error) => return Err(damaged(&error, self.frames + 1, self.name)),
         };
         let planes =
             Planes { width, height, y: frame.get_y_plane(), u: frame.get_u_plane(), v: frame.get_v_plane() };
@@ -161,12 +162,19 @@ impl<R: Read + Send> ImageReader for Y4mReader<R> {
     }
 }
 
-fn cut_off(error: &y4m::Error, image: u64, name: &str) -> SourceError {
-    let message = match error {
-        y4m::Error::EOF => format!("{name} ended within image {image}"),
-        error => format!("image {image} of {name} cannot be read: {error}"),
+fn cut_off(image: u64, name: &str) -> SourceError {
+    SourceError::new(SourceErrorKind::CutOff, format!("{name} ended within image {image}"))
+}
+
+/// What follows is no image. It is not cut off: its writer did not end, but wrote something else.
+fn damaged(error: &y4m::Error, image: u64, name: &str) -> SourceError {
+    let found = match error {
+        y4m::Error::ParseError(_) => "it does not begin with a line `FRAME`".to_owned(),
+        error => error.to_string(),
     };
-    SourceError::new(SourceErrorKind::CutOff, message)
+    let message = format!("image {image} of {name} cannot be read: {found}");
+    SourceError::new(SourceErrorKind::Unavailable, message)
+        .with_hint("write images of the size in the header, and no other output between them")
 }
 
 /// An image in three planes, rows without padding.
@@ -290,5 +298,18 @@ mod tests {
         assert_eq!(read(&whole).unwrap().len(), 2);
         let error = read(&whole[..whole.len() - 1]).unwrap_err();
         assert_eq!(error.to_string(), "standard input ended within image 2");
+        assert_eq!(error.kind(), SourceErrorKind::CutOff);
+    }
+
+    #[test]
+    fn what_is_no_image_is_an_error_of_its_writer_and_no_end() {
+        let mut input = stream("YUV4MPEG2 W2 H1 F25:1 Cmono", &[&[1, 2]]);
+        input.extend(b"Warning: low memory\nFRAME\n34");
+        let error = read(&input).unwrap_err();
+        assert_eq!(error.kind(), SourceErrorKind::Unavailable);
+        assert_eq!(
+            error.to_string(),
+            "image 2 of standard input cannot be read: it does not begin with a line `FRAME`"
+        );
     }
 }
