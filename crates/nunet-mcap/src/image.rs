@@ -1,6 +1,6 @@
 //! A recorded image, independent of the type of its message.
 
-use nunet_types::ImageSize;
+use nunet_types::{ImageSize, MAX_SIDE_PX};
 
 use crate::compressed_depth;
 use crate::encoding::{ImageEncoding, READABLE};
@@ -164,8 +164,12 @@ impl RecordedImage {
             (encoding, _) => encoding,
         };
         let (width, height, step) = (raw.width, raw.height, raw.step);
+        let sides = 1..=MAX_SIDE_PX;
+        if !sides.contains(&width) || !sides.contains(&height) {
+            return Err(format!("the size is {width}x{height}, expected sides of 1 to {MAX_SIDE_PX} pixels"));
+        }
         let (row, needed) = (encoding.row_bytes(width), encoding.image_bytes(height, step));
-        if width == 0 || height == 0 || u64::from(step) < row || (raw.data.len() as u64) < needed {
+        if u64::from(step) < row || (raw.data.len() as u64) < needed {
             return Err(format!(
                 "{width}x{height} `{:.60}` with {step} bytes a row needs rows of {row} bytes and {needed} in all, got {}",
                 raw.encoding,
@@ -230,6 +234,18 @@ mod tests {
         assert_eq!(encoding(Purpose::Infrared, "16UC1"), ImageEncoding::Mono16);
         assert_eq!(encoding(Purpose::Depth, "mono16"), ImageEncoding::DepthMillimeters);
         assert_eq!(encoding(Purpose::Color, "16UC1"), ImageEncoding::DepthMillimeters);
+    }
+
+    #[test]
+    fn a_size_that_no_image_has_is_refused_whatever_its_bytes() {
+        for (size, step) in
+            [((0, 0), 0), ((0, 2), 3), ((2, 0), 6), ((40_000, 1), 120_000), ((1, u32::MAX), 3)]
+        {
+            let error = set("rgb8", size, step, &[0; 120_000]).unwrap_err();
+            let (width, height) = size;
+            let expected = format!("the size is {width}x{height}, expected sides of 1 to 32768 pixels");
+            assert_eq!(error, expected);
+        }
     }
 
     #[test]
