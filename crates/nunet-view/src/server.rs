@@ -16,7 +16,7 @@ use tracing::debug;
 
 use crate::camera::{CameraFeed, Cameras};
 use crate::error::ViewError;
-use crate::http::{MAX_SOCKETS, MetricsText, ServerState, metrics_only, router};
+use crate::http::{MAX_VIEWERS, MetricsText, ServerState, metrics_only, router};
 use crate::token::Token;
 
 /// A client that does not send a request within this time is disconnected.
@@ -67,7 +67,7 @@ impl ViewServer {
                 token,
                 metrics,
                 port: address.port(),
-                sockets: Arc::new(Semaphore::new(MAX_SOCKETS)),
+                room: Arc::new(Semaphore::new(MAX_VIEWERS)),
             })
         })?;
         Ok(Self { cameras, running })

@@ -395,6 +395,38 @@ fn a_video_is_one_jpeg_after_the_other() {
 }
 
 #[test]
+fn videos_leave_connections_for_the_page_and_the_metrics() {
+    const MOST: usize = 32;
+    let (server, feed) = server();
+    let address = server.address();
+    let producer = Producer::start(feed);
+    let request = format!("GET /front/image.mjpeg HTTP/1.1\r\nHost: {address}\r\n\r\n");
+    let open = || {
+        let mut stream = TcpStream::connect(address).unwrap();
+        stream.set_read_timeout(Some(TIMEOUT)).unwrap();
+        stream.write_all(request.as_bytes()).unwrap();
+        let mut start = [0; 12];
+        stream.read_exact(&mut start).unwrap();
+        (status_of(&start), stream)
+    };
+    let videos: Vec<_> = (0..MOST).map(|_| open()).collect();
+    assert!(videos.iter().all(|(status, _)| *status == StatusCode::OK));
+    for _ in 0..3 {
+        assert_eq!(open().0, StatusCode::SERVICE_UNAVAILABLE);
+    }
+    for target in ["/", "/api/cameras", "/front/frame.jpg"] {
+        assert_eq!(status_of(&get(address, target, "")), StatusCode::OK, "{target}");
+    }
+    drop(videos);
+    // The server notices it when it sends the next image.
+    let deadline = Instant::now() + TIMEOUT;
+    while open().0 != StatusCode::OK {
+        assert!(Instant::now() < deadline, "the places of the videos stay taken");
+    }
+    producer.finish();
+}
+
+#[test]
 fn relative_depth_has_no_millimeters() {
     let (server, mut feed) = server();
     let info = DepthInfo {

@@ -8,10 +8,11 @@ use axum::extract::{Path, Query, State};
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
+use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::Instant;
 
 use super::parameters::VideoQuery;
-use super::{ServerState, text, unknown_camera};
+use super::{ServerState, text, too_many_viewers, unknown_camera};
 use crate::camera::{SharedCamera, Slot};
 use crate::encode::{auto_range, colorize, image_jpeg, rgb_jpeg, stride_for};
 use crate::frame::{Encoded, ViewFrame};
@@ -71,11 +72,12 @@ fn respond(
         Ok(watch) => watch,
         Err(error) => return text(StatusCode::BAD_REQUEST, format!("{error}\n")),
     };
+    let Some(place) = shared.place() else { return too_many_viewers() };
     let encode = encoder(&query, &watch);
     let pacer = ClientPacer::new(watch.max_fps, watch.max_mbit_per_s);
     // The frame that is kept comes first, also if the source is paused.
     let slot = camera.slot();
-    let video = MjpegStream { camera, slot, pacer, encode };
+    let video = MjpegStream { camera, slot, pacer, encode, _place: place };
     let parts = futures_util::stream::unfold(video, |mut video| async move {
         let part = video.next().await?;
         Some((Ok::<_, std::convert::Infallible>(part), video))
@@ -89,6 +91,8 @@ struct MjpegStream {
     slot: Slot,
     pacer: ClientPacer,
     encode: Encode,
+    /// Free again once the client is gone.
+    _place: OwnedSemaphorePermit,
 }
 
 impl MjpegStream {

@@ -15,7 +15,7 @@ use axum::Router;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
-use tokio::sync::Semaphore;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use crate::camera::Cameras;
 use crate::token::Token;
@@ -24,8 +24,8 @@ pub(crate) use metrics::metrics_only;
 /// Writes the metrics; called for each request.
 pub type MetricsText = Arc<dyn Fn() -> String + Send + Sync>;
 
-/// More clients with a WebSocket are refused.
-pub(crate) const MAX_SOCKETS: usize = 32;
+/// More clients with a WebSocket or a video are refused, so that there is always a connection for the page and the metrics.
+pub(crate) const MAX_VIEWERS: usize = 32;
 
 /// The state that all handlers share.
 #[derive(Clone)]
@@ -35,7 +35,14 @@ pub(crate) struct ServerState {
     pub(crate) metrics: Option<MetricsText>,
     pub(crate) port: u16,
     /// Room for more viewers.
-    pub(crate) sockets: Arc<Semaphore>,
+    pub(crate) room: Arc<Semaphore>,
+}
+
+impl ServerState {
+    /// The place of one more viewer, for as long as it is kept; `None` if all are taken.
+    fn place(&self) -> Option<OwnedSemaphorePermit> {
+        Arc::clone(&self.room).try_acquire_owned().ok()
+    }
 }
 
 /// All routes of the live view.
@@ -61,6 +68,13 @@ pub(crate) fn router(shared: ServerState) -> Router {
 fn text(status: StatusCode, message: impl Into<String>) -> Response {
     let kind = (header::CONTENT_TYPE, HeaderValue::from_static("text/plain; charset=utf-8"));
     (status, [kind], message.into()).into_response()
+}
+
+/// The response to a viewer without a place.
+fn too_many_viewers() -> Response {
+    let message =
+        format!("{MAX_VIEWERS} WebSockets and videos are open, which is the most; close one of them\n");
+    text(StatusCode::SERVICE_UNAVAILABLE, message)
 }
 
 /// The response for a camera that does not exist.

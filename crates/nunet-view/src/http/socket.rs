@@ -6,13 +6,12 @@ use std::time::Duration;
 use axum::extract::State;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade, close_code};
-use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use nunet_types::text_with_causes;
 use tokio::time::{Instant, MissedTickBehavior, interval};
 use tracing::debug;
 
-use super::{ServerState, text};
+use super::{ServerState, too_many_viewers};
 use crate::camera::{CameraStatus, Demand, OnDemand, SharedCamera, Slot};
 use crate::encode::{
     auto_range, encode_depth, encode_labels, image_jpeg, levels_of, palette, stride_for, subsample,
@@ -41,15 +40,13 @@ pub(super) async fn open(
         Ok(upgrade) => upgrade,
         Err(rejection) => return rejection.into_response(),
     };
-    let Ok(room) = Arc::clone(&shared.sockets).try_acquire_owned() else {
-        return text(StatusCode::SERVICE_UNAVAILABLE, "too many viewers are connected\n");
-    };
+    let Some(place) = shared.place() else { return too_many_viewers() };
     let upgrade = upgrade.max_message_size(MAX_REQUEST_BYTES).max_frame_size(MAX_REQUEST_BYTES);
     upgrade.on_upgrade(move |socket| async move {
         if let Err(error) = Client::new(socket, shared).run().await {
             debug!("a viewer is gone: {error}");
         }
-        drop(room);
+        drop(place);
     })
 }
 
