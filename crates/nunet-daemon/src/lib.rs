@@ -26,6 +26,7 @@ pub use nunet_source as source;
 /// Data goes to stdout, messages to stderr. Exit codes: 0 done, 1 failure, 2 bad arguments, 3 finished but frames were
 /// lost, 130 interrupted twice.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    stream::survive_size_limits(); // not in a host program, whose signals are its own
     exit_code(arguments).into()
 }
 

@@ -35,6 +35,22 @@ fn the_files_of_an_image_have_the_hand_computed_values() {
     assert!(classes.iter().all(|name| name.as_str().is_some_and(|name| !name.is_empty())), "{stats}");
 }
 
+/// The signal SIGXFSZ would end the process.
+#[test]
+fn a_file_larger_than_the_limit_of_the_process_is_an_error_that_names_it() {
+    let bench = Bench::new();
+    bench.add_image("photo.png", 7);
+    let (model, photo, out) = (bench.arg("model.onnx"), bench.arg("photo.png"), bench.arg("out"));
+    let infer = nunetd(&["-q", "infer", &photo, "--out", &out, "--model", &model]);
+    let mut limited = std::process::Command::new("/bin/sh");
+    limited.args(["-c", "ulimit -f 200; exec \"$0\" \"$@\""]).arg(infer.get_program()).args(infer.get_args());
+    limited.envs(infer.get_envs().filter_map(|(name, value)| Some((name, value?))));
+    let output = run(limited);
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    assert!(stderr.contains("depth.npy`") && stderr.contains("File too large"), "{stderr}");
+}
+
 #[test]
 fn a_small_photograph_is_enlarged_to_the_networks_size() {
     let bench = Bench::new();

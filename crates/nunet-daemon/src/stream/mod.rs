@@ -17,7 +17,7 @@ mod task;
 mod tests;
 
 pub(crate) use drive::{FrameHandler, Pace, SourceEnd, drive};
-pub(crate) use stop::{Stop, Stopped};
+pub(crate) use stop::{Stop, Stopped, survive_size_limits};
 pub(crate) use task::{StreamSummary, StreamTask};
 
 use std::sync::Arc;

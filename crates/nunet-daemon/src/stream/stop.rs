@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::iterator::Signals;
 use signal_hook::{flag, low_level};
 
@@ -79,6 +79,11 @@ impl Stop {
             left -= nap;
         }
     }
+}
+
+/// Makes a file beyond the limit of its size (`ulimit -f`) an error of its writer, not the end of the process.
+pub(crate) fn survive_size_limits() {
+    let _ = flag::register(SIGXFSZ, Arc::default()); // it fails for signals that cannot be handled only
 }
 
 /// Runs on a thread of its own, so that a second signal works even if all other threads hang.

@@ -35,6 +35,8 @@ enum Problem {
     NoAccess { folder: PathBuf, uid: u32 },
     /// The process has as many files open as it may.
     TooManyFiles,
+    /// The process may write files of so many bytes at most.
+    SmallFiles(u64),
     /// Access was denied, but to which file is unknown.
     Denied,
     /// Files were written by another version of nunet or iceoryx2.
@@ -81,6 +83,7 @@ impl IceoryxCause {
                 "set NUNET_IPC_ROOT to a folder that this user may write, or run as that user".to_owned()
             }
             Problem::TooManyFiles => "raise the limit with `ulimit -n 1024`".to_owned(),
+            Problem::SmallFiles(_) => "raise the limit with `ulimit -f unlimited`".to_owned(),
             Problem::Denied => format!(
                 "run as the user who created the files in `{root}` and {SHARED_MEMORY_FOLDER}, or join the group that \
                  they are shared with"
@@ -116,6 +119,7 @@ impl fmt::Display for IceoryxCause {
                 write!(f, "nothing can be created in `{}`, which belongs to user {uid}", folder.display())
             }
             Problem::TooManyFiles => f.write_str("this process has as many files open as it may"),
+            Problem::SmallFiles(bytes) => write!(f, "this process may write files of at most {bytes} bytes"),
             Problem::Denied => f.write_str("access to a file of another user was denied"),
             Problem::OtherVersion => f.write_str("another version of nunet or iceoryx2 wrote its files"),
             Problem::Damaged => f.write_str("its files are damaged"),
@@ -176,7 +180,17 @@ fn on_this_machine(root: &Path) -> Option<Problem> {
     if has_too_many_files() {
         return Some(Problem::TooManyFiles);
     }
+    if let Some(problem) = small_files(getrlimit(Resource::Fsize).current) {
+        return Some(problem);
+    }
     [root, Path::new(SHARED_MEMORY_FOLDER)].into_iter().find_map(problem_of)
+}
+
+/// A limit of the size of files that the memory of a camera exceeds.
+fn small_files(limit: Option<u64>) -> Option<Problem> {
+    /// The memory that a camera of 640x480 is promised to fit in.
+    const CAMERA_BYTES: u64 = 64 << 20;
+    limit.filter(|&limit| limit < CAMERA_BYTES).map(Problem::SmallFiles)
 }
 
 /// Whether this process is close to its limit of open files: iceoryx2 opens several at once and closes them if one fails.
@@ -260,6 +274,12 @@ mod tests {
         }
         assert!(has_a_type_name("EventOpenError(InternalFailure)"));
         assert_eq!(Problem::of("a name of a later version"), Problem::Internal);
+    }
+
+    #[test]
+    fn only_a_small_limit_of_the_size_of_files_is_a_problem() {
+        assert_eq!(small_files(Some(1024)), Some(Problem::SmallFiles(1024)));
+        assert_eq!((small_files(None), small_files(Some(1 << 30))), (None, None));
     }
 
     #[test]
