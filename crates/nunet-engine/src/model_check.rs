@@ -115,8 +115,11 @@ fn check_in_child(
     cancel: &AtomicBool,
 ) -> Result<Verdict, EngineError> {
     let mut child = start_child(model, files, options, library)?;
-    let stdout = child.stdout.take().map(|pipe| std::thread::spawn(move || read_output(pipe)));
-    let stderr = child.stderr.take().map(|pipe| std::thread::spawn(move || read_output(pipe)));
+    let (stdout, stderr) = start_readers(&mut child).inspect_err(|_| {
+        // Whether it has ended already does not matter.
+        let _ = child.kill();
+        let _ = child.wait();
+    })?;
     let limit = time_limit(options.provider);
     let Some(status) = wait(&mut child, limit, cancel)? else {
         return Err(EngineError::CheckTimedOut { path: PathBuf::from(model), seconds: limit.as_secs() });
@@ -143,6 +146,21 @@ fn start_child(
     // A process group of its own, so that Ctrl-C in a terminal reaches this process only.
     command.process_group(0).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     command.spawn().map_err(EngineError::system("cannot start the child process of the model check"))
+}
+
+/// The threads that read the outputs of the child.
+type Readers = (Option<JoinHandle<String>>, Option<JoinHandle<String>>);
+
+fn start_readers(child: &mut Child) -> Result<Readers, EngineError> {
+    Ok((reader(child.stdout.take())?, reader(child.stderr.take())?))
+}
+
+fn reader(
+    pipe: Option<impl std::io::Read + Send + 'static>,
+) -> Result<Option<JoinHandle<String>>, EngineError> {
+    let start =
+        |pipe| std::thread::Builder::new().name("model check".into()).spawn(move || read_output(pipe));
+    pipe.map(start).transpose().map_err(EngineError::system("cannot start a thread of the model check"))
 }
 
 /// An output of the child up to a bound. Read while the child runs, so that a full pipe cannot stop it.
