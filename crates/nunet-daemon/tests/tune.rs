@@ -41,6 +41,10 @@ fn an_existing_file_is_not_overwritten_and_a_missing_model_is_named() {
     assert_eq!(output.status.code(), Some(2));
     assert!(text(&output.stderr).contains("mine.toml` exists\nhint: "), "{}", text(&output.stderr));
     assert_eq!(std::fs::read_to_string(bench.path("mine.toml")).unwrap(), "rate = 30\n");
+    let output = run(nunetd(&["-q", "tune", &model, "--out", &bench.arg("none/tuned.toml")]));
+    assert_eq!(output.status.code(), Some(1));
+    assert!(output.stdout.is_empty(), "nothing is measured in vain: {}", text(&output.stdout));
+    assert!(text(&output.stderr).contains(": there is no folder `"), "{}", text(&output.stderr));
     let output = run(nunetd(&["-q", "tune", &bench.arg("none.onnx")]));
     assert_eq!(output.status.code(), Some(2));
     assert!(text(&output.stderr).starts_with("error: no model `"), "{}", text(&output.stderr));

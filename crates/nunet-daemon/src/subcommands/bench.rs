@@ -20,8 +20,10 @@ mod paper;
 
 use nunet_telemetry::{SERIES_HEAD, Series, peak_rss_mb};
 
-/// Warm-up predictions, in addition to the self-test.
-pub(super) const WARM_UP_RUNS: u32 = 3;
+/// Whether each prediction is measured. The first three warm up, in addition to the self-test.
+pub(super) fn predictions(runs: NonZeroU32) -> impl Iterator<Item = bool> {
+    std::iter::repeat_n(false, 3).chain((0..runs.get()).map(|_| true))
+}
 
 /// The options of `bench`.
 pub(crate) struct BenchOptions {
@@ -43,9 +45,9 @@ pub(crate) fn bench(options: &BenchOptions) -> anyhow::Result<Outcome> {
         let (name, hash) = (loaded.name(), loaded.hash());
         subjects.push(Subject::new(name, hash, tested_pipeline(loaded, PipelineOptions::default())?));
     }
-    for run in 0..WARM_UP_RUNS + options.runs.get() {
+    for is_measured in predictions(options.runs) {
         for subject in &mut subjects {
-            subject.predict(&frame, run >= WARM_UP_RUNS)?;
+            subject.predict(&frame, is_measured)?;
         }
     }
     for subject in &subjects {

@@ -4,15 +4,15 @@ use std::io::Write as _;
 use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, bail};
+use anyhow::{Context as _, ensure};
 use nunet_core::graph::Provider;
 use nunet_core::pipeline::PipelineOptions;
 use nunet_engine::{Engine, EngineOptions, find_model};
-use nunet_files::write_whole;
+use nunet_files::{check_writable, write_whole};
 use serde_json::{Value, json};
 use tracing::warn;
 
-use super::bench::{Subject, WARM_UP_RUNS, host, image_or_demo};
+use super::bench::{Subject, host, image_or_demo, predictions};
 use super::load::{load, tested_pipeline};
 use crate::Outcome;
 use crate::exit::{BadArguments, WithHint};
@@ -38,7 +38,7 @@ pub(crate) struct TuneOptions {
 
 /// Measures all combinations interleaved, so that a disturbance affects all of them.
 pub(crate) fn tune(options: &TuneOptions) -> anyhow::Result<Outcome> {
-    refuse_existing(options.out.as_deref())?;
+    options.out.as_deref().map_or(Ok(()), check_new)?;
     find_model(&options.model)?;
     let frame = image_or_demo(options.image.as_deref())?;
     let engine = Engine::start(options.engine.clone())?;
@@ -49,9 +49,9 @@ pub(crate) fn tune(options: &TuneOptions) -> anyhow::Result<Outcome> {
             Err(error) => warn!("skipped: {error:#}"),
         }
     }
-    for run in 0..WARM_UP_RUNS + options.runs.get() {
+    for is_measured in predictions(options.runs) {
         for combination in &mut combinations {
-            combination.subject.predict(&frame, run >= WARM_UP_RUNS)?;
+            combination.subject.predict(&frame, is_measured)?;
         }
     }
     let medians: Vec<_> = combinations
@@ -73,15 +73,11 @@ pub(crate) fn tune(options: &TuneOptions) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// Refuses to overwrite a file, which may have been edited by hand.
-fn refuse_existing(out: Option<&Path>) -> anyhow::Result<()> {
-    if let Some(out) = out.filter(|out| out.exists()) {
-        bail!(
-            BadArguments::new(format!("`{}` exists", out.display()))
-                .with_hint("name a new file and copy the lines that you need")
-        );
-    }
-    Ok(())
+/// Checks before a long run that the file can be written. One that exists may have been edited by hand.
+fn check_new(out: &Path) -> anyhow::Result<()> {
+    let exists = || BadArguments::new(format!("`{}` exists", out.display()));
+    ensure!(!out.exists(), exists().with_hint("name a new file and copy the lines that you need"));
+    Ok(check_writable(out)?)
 }
 
 /// A combination: a provider with a number of threads.
@@ -187,6 +183,13 @@ mod tests {
         assert_eq!(best(&[(1, 44.0), (2, 24.0), (4, 20.0)]), Some(2));
         assert_eq!(best(&[(2, 24.0), (2, 23.9)]), Some(1));
         assert_eq!(best(&[]), None);
+    }
+
+    #[test]
+    fn the_largest_number_of_predictions_is_one_and_the_first_are_not_measured() {
+        let measured: Vec<bool> = predictions(NonZeroU32::MAX).take(5).collect();
+        assert_eq!(measured, [false, false, false, true, true]);
+        assert_eq!(predictions(NonZeroU32::MIN).filter(|is_measured| *is_measured).count(), 1);
     }
 
     #[test]
