@@ -66,6 +66,33 @@ fn a_tape_measure_gives_a_factor_that_run_and_infer_read_from_the_calibration() 
 }
 
 #[test]
+fn a_file_that_cannot_be_written_is_refused_before_anything_is_measured() {
+    let (bench, _) = bench_with_images();
+    let (images, lens) = (bench.arg("images"), bench.arg("front.yaml"));
+    let rest = ["--source", &images, "--distance", "2", "--calibration", &lens, "--model", "none.onnx"];
+    let output =
+        run(nunetd(&[&["-q", "calibrate", "--out", &bench.arg("none/new.yaml")], &rest[..]].concat()));
+    let stderr = text(&output.stderr);
+    assert!(output.status.code() == Some(1) && stderr.contains(": there is no folder `"), "{stderr}");
+}
+
+#[test]
+fn a_point_outside_the_image_is_named_with_its_line() {
+    let (bench, _) = bench_with_images();
+    let table = bench.path("pairs.csv");
+    std::fs::write(table, "image,u,v,distance\nimages/a.png,1,1,2\nimages/a.png,9999,1,2\n").unwrap();
+    let (code, stderr) = refused(&bench, &["--pairs", &bench.arg("pairs.csv")]);
+    assert_eq!(code, Some(2), "{stderr}");
+    assert!(
+        stderr.contains("pairs.csv`: line 3: the point 9999,1 is outside the image of 640x480"),
+        "{stderr}"
+    );
+    let at = ["--source", &bench.arg("images"), "--distance", "2", "--at", "-1,5"];
+    let (code, stderr) = refused(&bench, &at);
+    assert!(code == Some(2) && stderr.contains("the point -1,5 is outside the image"), "{stderr}");
+}
+
+#[test]
 fn readings_give_a_factor_and_contradicting_ones_are_refused_by_line() {
     let (bench, depth_m) = bench_with_images();
     let table = |distances: [f64; 3]| {

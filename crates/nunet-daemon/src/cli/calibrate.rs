@@ -28,7 +28,7 @@ pub struct CalibrateArgs {
     #[arg(long, value_name = "M", requires = "source")]
     pub distance: Option<f64>,
     /// With --distance, the point in the image: column and row, pixels [default: the center]
-    #[arg(long, value_name = "u,v", requires = "distance")]
+    #[arg(long, value_name = "u,v", requires = "distance", allow_hyphen_values = true)]
     pub at: Option<Text<PixelArg>>,
     /// The reference is a range sensor: a CSV table with the columns `image` (a file, relative to the table), `u`, `v`
     /// (pixels) and `distance` (meters, straight to the point)

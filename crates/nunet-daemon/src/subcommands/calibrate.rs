@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use nunet_core::pipeline::PipelineOptions;
 use nunet_engine::{Engine, EngineOptions, ModelName, find_model, model_folders};
 use nunet_eval::{Agreement, CalibrateError, Calibrator, EvalOptions, Event, Reference, files_of_readings};
+use nunet_files::check_writable;
 use nunet_sink::file_plan::{FilePlan, place};
 use serde_json::json;
 use tracing::{info, warn};
@@ -81,8 +82,8 @@ pub(crate) fn calibrate(options: &CalibrateOptions) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// Checks before anything is computed that the output destroys nothing. Only the named calibration may be overwritten
-/// without `--force`, because all of it stays.
+/// Checks before anything is computed that the output can be written and destroys nothing. Only the named calibration may
+/// be overwritten without `--force`, because all of it stays.
 fn check_files(options: &CalibrateOptions) -> anyhow::Result<()> {
     let mut files = FilePlan::default();
     find_model(&options.model).iter().for_each(|model| files.read_model(model));
@@ -98,7 +99,8 @@ fn check_files(options: &CalibrateOptions) -> anyhow::Result<()> {
     let Some(out) = &options.out else { return Ok(()) };
     files.write("the calibration to write", out);
     files.check().map_err(|error| BadArguments::of(&error))?;
-    refuse_output(out, options.force || named.is_some_and(|named| place(named) == place(out)))
+    refuse_output(out, options.force || named.is_some_and(|named| place(named) == place(out)))?;
+    Ok(check_writable(out)?)
 }
 
 /// An error of a dataset names the flags.

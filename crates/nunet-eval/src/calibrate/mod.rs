@@ -176,6 +176,10 @@ impl Calibrator {
             for reading in readings {
                 let factor = match self.at_point(&reading.point, frame.size) {
                     Err(CalibrateError::OutsideView { .. }) => None,
+                    Err(error @ CalibrateError::Outside { .. }) => {
+                        let reason = format!("line {}: {error}", reading.line);
+                        return Err(CalibrateError::Readings { path: path.to_owned(), reason });
+                    }
                     other => other?,
                 };
                 self.observe(format!("line {}", reading.line), factor);

@@ -27,7 +27,10 @@ pub(super) fn read(path: &Path) -> Result<Vec<Reading>, CalibrateError> {
     let header = reader.headers().map_err(|error| wrong(error.to_string()))?.clone();
     let place = |name: &str| {
         let found = header.iter().position(|column| column.eq_ignore_ascii_case(name));
-        found.ok_or_else(|| wrong(format!("it has no column `{name}`")))
+        found.ok_or_else(|| {
+            let columns: Vec<_> = header.iter().map(|column| format!("`{column:.40}`")).collect();
+            wrong(format!("it has no column `{name}`; its columns are {}", columns.join(", ")))
+        })
     };
     let [image, u, v, distance] = COLUMNS.map(place);
     let (image, numbers) = (image?, [u?, v?, distance?]);
@@ -42,7 +45,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<Reading>, CalibrateError> {
         };
         let [u, v, distance_m] = numbers.map(number);
         let point = Point { at: Some([u?, v?]), distance_m: distance_m? };
-        point.check()?;
+        point.check().map_err(|error| wrong(format!("line {line}: {error}")))?;
         let image = folder.join(record.get(image).unwrap_or_default());
         if !image.is_file() {
             return Err(wrong(format!("line {line}: there is no image `{}`", image.display())));
@@ -91,10 +94,10 @@ mod tests {
     #[test]
     fn a_wrong_table_is_refused_with_its_line() {
         for (text, words) in [
-            ("image,u,v\na.jpg,1,2\n", "no column `distance`"),
+            ("image,u,v\na.jpg,1,2\n", "no column `distance`; its columns are `image`, `u`, `v`"),
             ("image,u,v,distance\na.jpg,1,x,2\n", "line 2: `x` is not a number"),
             ("image,u,v,distance\na.jpg,1,2\n", "line: 2"),
-            ("image,u,v,distance\na.jpg,1,2,-1\n", "distance -1"),
+            ("image,u,v,distance\na.jpg,1,2,-1\n", "line 2: the distance -1 "),
             ("image,u,v,distance\na.jpg,1,2,1\na/c.jpg,1,2,1\n", "line 3: there is no image `"),
             ("image,u,v,distance\na,1,2,1\n", "line 2: there is no image `"),
             ("image,u,v,distance\n,1,2,1\n", "line 2: there is no image `"),
