@@ -42,7 +42,7 @@ fn a_text_file_is_an_error() {
     let folder = Folder::new().text("libonnxruntime.so", "this is not a library\n");
     let error = load_error(&folder.path("libonnxruntime.so"));
     assert!(matches!(error, RuntimeError::NotALibrary { .. }), "{error}");
-    assert!(error.to_string().contains("is not a shared library for this machine: "), "{error}");
+    assert!(error.to_string().contains("` as a shared library: "), "{error}");
 }
 
 #[test]

@@ -27,7 +27,7 @@ pub enum RuntimeError {
         library: PathBuf,
     },
     /// A file that the dynamic linker does not load.
-    #[error("`{}` is not a shared library for this machine: {reason}", library.display())]
+    #[error("cannot load `{}` as a shared library: {reason}", library.display())]
     NotALibrary {
         /// The file.
         library: PathBuf,
