@@ -152,8 +152,8 @@ pub struct Ros2Args {
 
 impl Ros2Args {
     fn options(&self) -> Result<Ros2Options, BadArguments> {
-        let topics = self.ros2_topics.join(",");
-        let topics = if topics.is_empty() { Ok(Topics::default()) } else { topics.parse() };
+        let names = &self.ros2_topics;
+        let topics = if names.is_empty() { Ok(Topics::default()) } else { names.join(",").parse() };
         let topics = topics.map_err(|error| BadArguments::of(&error))?;
         let links = self.ros2.iter().map(|Text(link)| link.clone()).collect();
         Ok(Ros2Options { links, topics, depth: value(&self.ros2_depth).unwrap_or_default() })
