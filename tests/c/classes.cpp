@@ -93,11 +93,26 @@ static void publishing(const std::string &own) {
   HOLDS(status_of([&] { reader.wait(0ms); }) == NUNET_BAD_ARGUMENT);
 }
 
+static void attitude(const std::string &own) {
+  nunet::AttitudePublisher publisher(own);
+  HOLDS(status_of([&] { nunet::AttitudePublisher second(own); }) == NUNET_ALREADY_PUBLISHED);
+  nunet::Reader reader(own, NUNET_BIT_ATTITUDE, 30s);
+  HOLDS(status_of([&] { publisher.publish(1, 90, 0); }) == NUNET_BAD_ARGUMENT); // degrees
+  publisher.publish(1, 0.25f, 0);
+  publisher.publish(2, 0, -0.5f);
+  auto frame = reader.next(NUNET_TOPIC_ATTITUDE, 30s);
+  const nunet_attitude_t *found = nullptr;
+  HOLDS(frame && nunet_frame_attitude(frame->get(), &found) == NUNET_OK && found->sample_count == 2);
+  HOLDS(found && found->samples[0].roll_rad == 0.25f);
+  HOLDS(found && found->samples[1].capture_nanos == 2 && found->samples[1].pitch_rad == -0.5f);
+}
+
 int main(int argc, char **argv) {
   if (argc < 3) return 2;
   HOLDS(status_of([] { nunet::Reader("nobody-has-this-name", NUNET_BIT_DEPTH, 20ms); }) == NUNET_NOBODY_PUBLISHES);
   reading(argv[1]);
   publishing(argv[2]);
+  attitude(argv[2]);
   std::cout << failures << " failures\n";
   return failures > 0 ? EXIT_FAILURE : EXIT_SUCCESS;
 }

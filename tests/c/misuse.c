@@ -72,6 +72,10 @@ static void nulls(void) {
   EXPECT(NUNET_BAD_ARGUMENT, nunet_loan_bytes(NULL, NULL, NULL));
   EXPECT(NUNET_BAD_ARGUMENT, nunet_loan_send(NULL, 0, 0));
   EXPECT(NUNET_OK, nunet_loan_release(NULL));
+  EXPECT(NUNET_BAD_ARGUMENT, nunet_attitude_open("front", NUNET_CLOCK_MONOTONIC, NULL));
+  EXPECT(NUNET_BAD_ARGUMENT, nunet_attitude_publish(NULL, 0, 0, 0));
+  EXPECT(NUNET_OK, nunet_attitude_close(NULL));
+  EXPECT(NUNET_BAD_ARGUMENT, nunet_frame_attitude(NULL, NULL));
 }
 
 static void names(void) {
@@ -82,7 +86,7 @@ static void names(void) {
   HOLDS(strstr(nunet_last_error(), "hint: use a name like `left_arm`") != NULL);
   EXPECT(NUNET_BAD_ARGUMENT, nunet_reader_open("", NUNET_BIT_DEPTH, 0, &reader));
   EXPECT(NUNET_BAD_ARGUMENT, nunet_reader_open("front", 0, 0, &reader));
-  EXPECT(NUNET_BAD_ARGUMENT, nunet_reader_open("front", NUNET_BIT_CONFIDENCE << 1, 0, &reader));
+  EXPECT(NUNET_BAD_ARGUMENT, nunet_reader_open("front", NUNET_BIT_ATTITUDE << 1, 0, &reader));
   EXPECT(NUNET_NOBODY_PUBLISHES, nunet_reader_open("nobody-has-this-name", NUNET_BIT_DEPTH, 50, &reader));
   HOLDS(strstr(nunet_last_error(), "\nhint: ") != NULL);
 }

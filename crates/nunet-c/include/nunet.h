@@ -60,6 +60,9 @@
 /** Points that an obstacle record has room for. */
 #define NUNET_MAX_OBSTACLE_POINTS 5000
 
+/** Samples that an attitude record has room for. */
+#define NUNET_MAX_ATTITUDE_SAMPLES 256
+
 /** Values of the header's field `topic`. */
 typedef enum nunet_topic_t {
   /** The camera's image, in the encoding of a pixel format. */
@@ -76,6 +79,8 @@ typedef enum nunet_topic_t {
   NUNET_TOPIC_STATS = 5,
   /** The confidence of depth: `[height, width]`, `uint8_t`, 255 = certain, 0 where there is no measurement. */
   NUNET_TOPIC_CONFIDENCE = 6,
+  /** The attitude of the robot's base, from an inertial sensor, for the daemon: one attitude record. */
+  NUNET_TOPIC_ATTITUDE = 7,
 } nunet_topic_t;
 
 /** Values of the header's field `encoding`. */
@@ -102,6 +107,8 @@ typedef enum nunet_encoding_t {
   NUNET_ENCODING_OBSTACLE_RECORD = 9,
   /** `[height, width]` bytes, 255 = certain. */
   NUNET_ENCODING_CONFIDENCE_U8 = 10,
+  /** One attitude record. */
+  NUNET_ENCODING_ATTITUDE_RECORD = 11,
 } nunet_encoding_t;
 
 /** Values of the header's field `units`. */
@@ -179,6 +186,7 @@ typedef enum nunet_bit_t {
   NUNET_BIT_OBSTACLES = 16,
   NUNET_BIT_STATS = 32,
   NUNET_BIT_CONFIDENCE = 64,
+  NUNET_BIT_ATTITUDE = 128,
 } nunet_bit_t;
 
 /**
@@ -425,13 +433,43 @@ typedef struct nunet_obstacles_t {
   float ground_slope_y;
   /** The ground: height at the origin, meters. */
   float ground_height_m;
+  /** 1 if the mount was turned by the robot's attitude at the capture time, 0 if the robot counts as level. */
+  uint32_t used_attitude;
   /** Zero; room for later fields. */
-  uint8_t reserved[104];
+  uint8_t reserved[100];
   /** The directions. Unused entries are undefined. */
   nunet_obstacle_sector_t sectors[NUNET_MAX_SECTORS];
   /** The points of obstacles. Unused entries are undefined. */
   nunet_obstacle_point_t points[NUNET_MAX_OBSTACLE_POINTS];
 } nunet_obstacles_t;
+
+/**
+ * The attitude of the robot's base at one time: x forward, y left, z up.
+ * `nunet.v1.AttitudeSample`, 16 bytes.
+ */
+typedef struct nunet_attitude_sample_t {
+  /** When it was measured, nanoseconds of the header's `capture_clock`. */
+  int64_t capture_nanos;
+  /** Rotation about x, radians. Positive: the right side is lower. */
+  float roll_rad;
+  /** Rotation about y, radians. Positive: the front is lower. */
+  float pitch_rad;
+} nunet_attitude_sample_t;
+
+/**
+ * The last samples of the attitude of the robot's base.
+ * `nunet.v1.AttitudeRecord`, 4160 bytes.
+ */
+typedef struct nunet_attitude_t {
+  /** `NUNET_CONTRACT_VERSION`. */
+  uint32_t contract_version;
+  /** How many of `samples` are in use. */
+  uint32_t sample_count;
+  /** Zero; room for later fields. */
+  uint8_t reserved[56];
+  /** The samples, oldest first. Unused entries are undefined. */
+  nunet_attitude_sample_t samples[NUNET_MAX_ATTITUDE_SAMPLES];
+} nunet_attitude_t;
 
 #if defined(__cplusplus)
 #define NUNET_CHECK(name, holds) static_assert(holds, #name)
@@ -547,9 +585,19 @@ NUNET_CHECK(obstacles_floor_fraction, offsetof(nunet_obstacles_t, floor_fraction
 NUNET_CHECK(obstacles_ground_slope_x, offsetof(nunet_obstacles_t, ground_slope_x) == 44);
 NUNET_CHECK(obstacles_ground_slope_y, offsetof(nunet_obstacles_t, ground_slope_y) == 48);
 NUNET_CHECK(obstacles_ground_height_m, offsetof(nunet_obstacles_t, ground_height_m) == 52);
-NUNET_CHECK(obstacles_reserved, offsetof(nunet_obstacles_t, reserved) == 56);
+NUNET_CHECK(obstacles_used_attitude, offsetof(nunet_obstacles_t, used_attitude) == 56);
+NUNET_CHECK(obstacles_reserved, offsetof(nunet_obstacles_t, reserved) == 60);
 NUNET_CHECK(obstacles_sectors, offsetof(nunet_obstacles_t, sectors) == 160);
 NUNET_CHECK(obstacles_points, offsetof(nunet_obstacles_t, points) == 11680);
+NUNET_CHECK(attitude_sample_size, sizeof(nunet_attitude_sample_t) == 16);
+NUNET_CHECK(attitude_sample_capture_nanos, offsetof(nunet_attitude_sample_t, capture_nanos) == 0);
+NUNET_CHECK(attitude_sample_roll_rad, offsetof(nunet_attitude_sample_t, roll_rad) == 8);
+NUNET_CHECK(attitude_sample_pitch_rad, offsetof(nunet_attitude_sample_t, pitch_rad) == 12);
+NUNET_CHECK(attitude_size, sizeof(nunet_attitude_t) == 4160);
+NUNET_CHECK(attitude_contract_version, offsetof(nunet_attitude_t, contract_version) == 0);
+NUNET_CHECK(attitude_sample_count, offsetof(nunet_attitude_t, sample_count) == 4);
+NUNET_CHECK(attitude_reserved, offsetof(nunet_attitude_t, reserved) == 8);
+NUNET_CHECK(attitude_samples, offsetof(nunet_attitude_t, samples) == 64);
 #undef NUNET_CHECK
 
 
@@ -636,6 +684,11 @@ typedef enum {
 } nunet_status_t;
 
 /**
+ * The publisher of the attitude for a camera. Calls with one publisher run one after the other, from any threads.
+ */
+typedef struct nunet_attitude_publisher_t nunet_attitude_publisher_t;
+
+/**
  * One message in shared memory, read-only. Its memory does not change until it is released, also after its reader is
  * closed and its publisher has ended. Any thread may read and release it.
  */
@@ -661,9 +714,9 @@ typedef struct nunet_reader_t nunet_reader_t;
  */
 typedef struct {
   /**
-   * The frame of each topic, indexed by `nunet_topic_t`; NULL where there is none.
+   * The frame of each topic, indexed by `nunet_topic_t`; NULL where there is none. No set has `attitude`.
    */
-  nunet_frame_t *frames[7];
+  nunet_frame_t *frames[8];
 } nunet_set_t;
 
 #ifdef __cplusplus
@@ -876,6 +929,17 @@ nunet_status_t nunet_frame_obstacles(const nunet_frame_t *frame,
                                      const nunet_obstacles_t **obstacles);
 
 /**
+ * The attitude of the robot's base, from a frame of the topic `attitude`.
+ *
+ * `*attitude` is valid until the frame is released; NULL after a failure. Only the first `sample_count` samples mean
+ * something.
+ *
+ * Fails with `NUNET_WRONG_ENCODING`, `NUNET_BAD_MESSAGE`.
+ */
+nunet_status_t nunet_frame_attitude(const nunet_frame_t *frame,
+                                    const nunet_attitude_t **attitude);
+
+/**
  * Releases a frame. Pointers into it are no longer valid. NULL is allowed.
  *
  * Fails with `NUNET_CLOSED` when it was released before.
@@ -1027,6 +1091,40 @@ nunet_status_t nunet_loan_send(nunet_loan_t *loan,
  * Fails with `NUNET_CLOSED` when it was sent or released before.
  */
 nunet_status_t nunet_loan_release(nunet_loan_t *loan);
+
+/**
+ * Becomes the publisher of the attitude of the robot's base for a camera, which `nunetd --attitude shm` reads.
+ *
+ * `clock`: a `nunet_clock_t`, that of the samples' times. `*attitude` is the caller's, to be closed with
+ * `nunet_attitude_close()`; NULL after a failure.
+ *
+ * Fails with `NUNET_ALREADY_PUBLISHED` when another process publishes it, `NUNET_SHARED_MEMORY`, `NUNET_OTHER_LIMITS`,
+ * `NUNET_WRONG_CONTRACT_VERSION`, `NUNET_SYSTEM`, `NUNET_BAD_ARGUMENT`.
+ */
+nunet_status_t nunet_attitude_open(const char *camera,
+                                   uint32_t clock,
+                                   nunet_attitude_publisher_t **attitude);
+
+/**
+ * Publishes a sample. Call it for each measurement of the sensor, about 50 to 200 times per second.
+ *
+ * `capture_nanos`: when it was measured, nanoseconds of the publisher's clock (`nunet_monotonic_nanos()`). `roll_rad`,
+ * `pitch_rad`: rotation of the base about x (forward) and y (left), radians; a positive roll lowers the right side, a positive
+ * pitch the front.
+ *
+ * Fails with `NUNET_BAD_ARGUMENT` for an angle that is not a number or is beyond a turn, `NUNET_SYSTEM`, `NUNET_CLOSED`.
+ */
+nunet_status_t nunet_attitude_publish(const nunet_attitude_publisher_t *attitude,
+                                      int64_t capture_nanos,
+                                      float roll_rad,
+                                      float pitch_rad);
+
+/**
+ * Closes a publisher of the attitude. NULL is allowed.
+ *
+ * Fails with `NUNET_CLOSED` when it was closed before.
+ */
+nunet_status_t nunet_attitude_close(nunet_attitude_publisher_t *attitude);
 
 #ifdef __cplusplus
 }  // extern "C"

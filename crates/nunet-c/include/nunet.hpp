@@ -309,6 +309,27 @@ private:
   detail::Handle<nunet_publisher_t, nunet_publisher_close> handle_;
 };
 
+/** Publishes the attitude of the robot's base for a camera, for `nunetd --attitude shm`. */
+class AttitudePublisher {
+public:
+  /** Becomes the publisher. clock: that of the samples' times. */
+  explicit AttitudePublisher(const std::string &camera, nunet_clock_t clock = NUNET_CLOCK_MONOTONIC) {
+    nunet_attitude_publisher_t *attitude;
+    check(nunet_attitude_open(camera.c_str(), clock, &attitude));
+    handle_ = decltype(handle_)(attitude);
+  }
+  /** Publishes a sample: when it was measured, and rotation about x (forward) and y (left), radians. */
+  void publish(std::int64_t capture_nanos, float roll_rad, float pitch_rad) {
+    check(nunet_attitude_publish(handle_.get(), capture_nanos, roll_rad, pitch_rad));
+  }
+  /** Closes it before the destructor. */
+  void close() { check(nunet_attitude_close(handle_.release())); }
+  nunet_attitude_publisher_t *get() const noexcept { return handle_.get(); }
+
+private:
+  detail::Handle<nunet_attitude_publisher_t, nunet_attitude_close> handle_;
+};
+
 } // namespace nunet
 
 #endif

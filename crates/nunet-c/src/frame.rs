@@ -5,8 +5,8 @@ use std::ffi::c_void;
 use std::mem::MaybeUninit;
 
 use nunet_ipc::{
-    CloudPoint, FrameHeader, IpcError, Message, ObstacleRecord, StatsRecord, Topic, monotonic_nanos,
-    unix_nanos,
+    AttitudeRecord, CloudPoint, FrameHeader, IpcError, Message, ObstacleRecord, StatsRecord, Topic,
+    monotonic_nanos, unix_nanos,
 };
 
 use crate::argument::{fill, place, pointer_to};
@@ -22,8 +22,8 @@ pub struct FrameHandle;
 #[derive(Debug)]
 #[repr(C)]
 pub struct Set {
-    /// The frame of each topic, indexed by `nunet_topic_t`; NULL where there is none.
-    pub frames: [*mut FrameHandle; 7],
+    /// The frame of each topic, indexed by `nunet_topic_t`; NULL where there is none. No set has `attitude`.
+    pub frames: [*mut FrameHandle; 8],
 }
 
 impl Set {
@@ -190,6 +190,31 @@ pub extern "C" fn nunet_frame_obstacles(
             return Err(IpcError::BadMessage { topic: frame.topic(), detail }.into());
         }
         *obstacles = std::ptr::from_ref(record);
+        Ok(())
+    })
+}
+
+/// The attitude of the robot's base, from a frame of the topic `attitude`.
+///
+/// `*attitude` is valid until the frame is released; NULL after a failure. Only the first `sample_count` samples mean
+/// something.
+///
+/// Fails with `NUNET_WRONG_ENCODING`, `NUNET_BAD_MESSAGE`.
+#[unsafe(no_mangle)]
+pub extern "C" fn nunet_frame_attitude(
+    frame: *const FrameHandle,
+    attitude: Option<&mut MaybeUninit<*const AttitudeRecord>>,
+) -> StatusCode {
+    guard(|| {
+        let attitude = place(attitude, "attitude", std::ptr::null())?;
+        let frame = FRAMES.get(frame)?;
+        let frame = locked(&frame);
+        let record = frame.attitude()?;
+        if record.samples().len() != record.sample_count as usize {
+            let detail = "its count is larger than its array".to_owned();
+            return Err(IpcError::BadMessage { topic: frame.topic(), detail }.into());
+        }
+        *attitude = std::ptr::from_ref(record);
         Ok(())
     })
 }

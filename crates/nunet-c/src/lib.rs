@@ -12,6 +12,7 @@
 //! | [`process`] | versions, the clock |
 //! | [`reader`], [`frame`] | the reader's side |
 //! | [`publisher`], [`loan`], `camera` | the camera's side |
+//! | [`attitude`] | the side of an inertial sensor |
 
 pub mod argument;
 mod camera;
@@ -29,3 +30,5 @@ pub mod frame;
 pub mod publisher;
 
 pub mod loan;
+
+pub mod attitude;

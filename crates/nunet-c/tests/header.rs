@@ -7,29 +7,33 @@ use std::path::Path;
 
 use cbindgen::{Builder, Config, EnumConfig, ExportConfig, FunctionConfig, Language, RenameRule, Style};
 use nunet_ipc::contract::{
-    ENUM_DOCS, ENUMS, HEADER, OBSTACLE_POINT, OBSTACLE_SECTOR, OBSTACLES, POINT, STATS, StructLayout,
+    ATTITUDE, ATTITUDE_SAMPLE, ENUM_DOCS, ENUMS, HEADER, OBSTACLE_POINT, OBSTACLE_SECTOR, OBSTACLES, POINT,
+    STATS, StructLayout,
 };
 use nunet_ipc::{
-    CONTRACT_VERSION, Field, MAX_COEFFICIENTS, MAX_OBSTACLE_POINTS, MAX_SECTORS, MAX_STAGES, NO_LABEL,
-    STAGE_NAME_BYTES, Topic,
+    CONTRACT_VERSION, Field, MAX_ATTITUDE_SAMPLES, MAX_COEFFICIENTS, MAX_OBSTACLE_POINTS, MAX_SECTORS,
+    MAX_STAGES, NO_LABEL, STAGE_NAME_BYTES, Topic,
 };
 
 const ABOUT: &str = include_str!("header_about.h");
 
 /// Names in Rust, and the same in C.
-const NAMES: [(&str, &str); 19] = [
+const NAMES: [(&str, &str); 22] = [
     ("StatusCode", "nunet_status_t"),
     ("ReaderHandle", "nunet_reader_t"),
     ("FrameHandle", "nunet_frame_t"),
     ("Set", "nunet_set_t"),
     ("PublisherHandle", "nunet_publisher_t"),
     ("LoanHandle", "nunet_loan_t"),
+    ("AttitudeHandle", "nunet_attitude_publisher_t"),
     ("FrameHeader", "nunet_header_t"),
     ("StatsRecord", "nunet_stats_t"),
     ("CloudPoint", "nunet_point_t"),
     ("ObstacleRecord", "nunet_obstacles_t"),
     ("ObstacleSector", "nunet_obstacle_sector_t"),
     ("ObstaclePoint", "nunet_obstacle_point_t"),
+    ("AttitudeRecord", "nunet_attitude_t"),
+    ("AttitudeSample", "nunet_attitude_sample_t"),
     ("SectorState", "nunet_sector_state_t"),
     ("Topic", "nunet_topic_t"),
     ("Encoding", "nunet_encoding_t"),
@@ -108,6 +112,12 @@ fn tables() -> String {
             "A point of an obstacle, in the leveled base frame: x forward, y left, z up, origin on the floor.",
         ),
         (OBSTACLES, "obstacles", "The obstacles of one frame, in the leveled base frame."),
+        (
+            ATTITUDE_SAMPLE,
+            "attitude_sample",
+            "The attitude of the robot's base at one time: x forward, y left, z up.",
+        ),
+        (ATTITUDE, "attitude", "The last samples of the attitude of the robot's base."),
     ];
     let structures = layouts.iter().map(|(layout, name, doc)| structure(layout, name, doc));
     let named = layouts.map(|(layout, name, _)| (layout, name));
@@ -133,6 +143,11 @@ fn constants() -> String {
             "Points that an obstacle record has room for.",
             "MAX_OBSTACLE_POINTS",
             MAX_OBSTACLE_POINTS.to_string(),
+        ),
+        (
+            "Samples that an attitude record has room for.",
+            "MAX_ATTITUDE_SAMPLES",
+            MAX_ATTITUDE_SAMPLES.to_string(),
         ),
     ] {
         out += &format!("/** {doc} */\n#define NUNET_{name} {value}\n\n");
@@ -192,6 +207,7 @@ fn declaration(field: &Field) -> String {
         "f64" => "double",
         kind if kind == OBSTACLE_SECTOR.type_name => "nunet_obstacle_sector_t",
         kind if kind == OBSTACLE_POINT.type_name => "nunet_obstacle_point_t",
+        kind if kind == ATTITUDE_SAMPLE.type_name => "nunet_attitude_sample_t",
         other => panic!("no name in C for `{other}`"),
     };
     match (name, count) {
@@ -200,6 +216,7 @@ fn declaration(field: &Field) -> String {
         (_, MAX_STAGES) => format!("{kind} {name}[NUNET_MAX_STAGES]"),
         (_, MAX_SECTORS) => format!("{kind} {name}[NUNET_MAX_SECTORS]"),
         (_, MAX_OBSTACLE_POINTS) => format!("{kind} {name}[NUNET_MAX_OBSTACLE_POINTS]"),
+        (_, MAX_ATTITUDE_SAMPLES) => format!("{kind} {name}[NUNET_MAX_ATTITUDE_SAMPLES]"),
         (_, MAX_COEFFICIENTS) => format!("{kind} {name}[NUNET_MAX_COEFFICIENTS]"),
         _ => format!("{kind} {name}[{count}]"),
     }

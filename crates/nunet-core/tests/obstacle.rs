@@ -403,6 +403,31 @@ fn a_tilt_that_is_not_in_the_mount_is_found_within_a_degree() {
 }
 
 #[test]
+fn a_robot_that_pitches_finds_a_box_at_its_place_only_with_its_attitude() {
+    let scene = [GROUND, Block::new((2.0, 2.3), (-0.4, 0.4), (0.0, 0.4), TABLE)];
+    let level = Mount::new([0.1, 0.0, 0.4], [0.0, 0.2, 0.0]).unwrap();
+    let ahead = |found: &Obstacles| {
+        let sector = found.sectors[(-found.angle_min_rad / found.angle_step_rad) as usize];
+        (sector.state(), (sector.range_m - 2.0).abs() < 0.05)
+    };
+    for (roll_rad, pitch_rad) in [(0.0, -0.2), (0.0, 0.2), (0.1, 0.15)] {
+        let tilted = level.on_tilted_base(roll_rad, pitch_rad).unwrap();
+        let (depth_m, labels) = render(&tilted, &scene);
+        for labels in [Some(&labels[..]), None] {
+            let mut detector = detector(level, ObstacleOptions::default());
+            let image = DepthImage { depth_m: &depth_m, labels, confidence: None };
+            let without = detector.detect(&image, 0).unwrap();
+            assert_ne!(ahead(without), (SectorState::Occupied, true), "{pitch_rad}");
+            detector.set_mount(tilted);
+            let with = detector.detect(&image, 0).unwrap();
+            assert_eq!(ahead(with), (SectorState::Occupied, true), "{pitch_rad}");
+            check_sectors(with, &scene);
+            assert!(with.ground.is_refined && with.ground.slope_deg() < 0.5, "{:?}", with.ground);
+        }
+    }
+}
+
+#[test]
 fn a_position_on_the_robot_and_a_yaw_turn_the_results() {
     let yaw = 0.5;
     let mount = Mount::new([0.2, 0.1, 0.3], [0.0, 0.05, yaw]).unwrap();

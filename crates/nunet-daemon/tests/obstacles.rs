@@ -2,10 +2,12 @@
 
 use std::time::{Duration, Instant};
 
-use nunet_ipc::{CONTRACT_VERSION, CameraName, FrameSet, Reader, Topic, Units};
+use nunet_ipc::{
+    AttitudePublisher, CONTRACT_VERSION, CameraName, Clock, FrameSet, Reader, Topic, Units, monotonic_nanos,
+};
 use serde_json::Value;
 
-use crate::support::{Bench, Guarded, TIMEOUT, camera, nunetd, repository, run, run_well, text};
+use crate::support::{Bench, Guarded, TIMEOUT, camera, nunetd, repository, run, run_well, text, wait_for};
 
 #[path = "../../../examples/stop_before_wall.rs"]
 #[expect(dead_code, reason = "its `main` is that of the example")]
@@ -74,6 +76,58 @@ fn a_recording_has_obstacles_as_points_and_as_a_scan() {
     {
         assert!(has(word), "{word}");
     }
+}
+
+#[test]
+fn obstacles_follow_the_attitude_of_the_robot_and_a_stale_one_is_reported() {
+    let bench = Bench::new();
+    let (model, name, log) = (bench.arg("model.onnx"), camera("attitude"), bench.path("log"));
+    let arguments = ["--model", &model, "--source", "demo", "--camera", &name, "--mount", MOUNT];
+    let mut command = nunetd(&[&arguments[..], &["--loop", "--rate", "20", "--attitude", "shm"]].concat());
+    command.stderr(std::fs::File::create(&log).unwrap());
+    let _daemon = Guarded::start(command);
+    let is_logged = |text: &str| std::fs::read_to_string(&log).unwrap().contains(text).then_some(());
+    let camera_name = CameraName::new(&name).unwrap();
+    let mut reader = Reader::open(&camera_name, &[Topic::Depth, Topic::Obstacles], TIMEOUT).unwrap();
+    // The field of view depends on the roll of the camera.
+    let mut seen = || {
+        let set = next_set(&mut reader);
+        let record = set.get(Topic::Obstacles).unwrap().obstacles().unwrap();
+        (record.used_attitude, record.angle_min_rad)
+    };
+    let level = seen();
+    assert_eq!(level.0, 0);
+    wait_for("a warning", || is_logged("no process publishes it"));
+
+    let mut publisher = AttitudePublisher::create(&camera_name, Clock::Monotonic).unwrap();
+    let rolled = wait_for("a frame of the rolled robot", || {
+        publisher.publish(monotonic_nanos(), 0.3, 0.0).unwrap();
+        Some(seen()).filter(|(used, _)| *used == 1)
+    });
+    assert!((rolled.1 - level.1).abs() > 0.01, "{rolled:?} {level:?}");
+    wait_for("a frame of the level robot", || (seen() == level).then_some(()));
+    wait_for("a warning", || is_logged("the nearest sample is"));
+}
+
+#[test]
+fn frames_without_an_attitude_are_counted() {
+    let bench = Bench::new();
+    let (model, stats, name) = (bench.arg("model.onnx"), bench.arg("stats.json"), camera("no-attitude"));
+    let mut command = nunetd(&["-q", "--model", &model, "--source", "demo", "--camera", &name]);
+    command.args(["--mount", MOUNT, "--attitude", "shm", "--frames", "5", "--stats-json", &stats]);
+    run_well(command);
+    let stats: Value = serde_json::from_slice(&std::fs::read(bench.path("stats.json")).unwrap()).unwrap();
+    assert_eq!(stats["frames_without_attitude"], 5, "{stats}");
+}
+
+#[test]
+fn an_attitude_without_a_mount_is_refused_with_a_hint() {
+    let output = run(nunetd(&["--source", "demo", "--attitude", "shm"]));
+    let log = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{log}");
+    assert!(log.contains("--attitude needs the pose of the camera") && log.contains("pass --mount"), "{log}");
+    let log = text(&run(nunetd(&["--mount", MOUNT, "--attitude", "imu"])).stderr);
+    assert!(log.contains("expected `shm`, got `imu`"), "{log}");
 }
 
 /// The speed of the example for one image of the rendered drive, with the default network.

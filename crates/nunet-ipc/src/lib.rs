@@ -14,6 +14,7 @@
 //! | [`CameraName`], [`Limits`], [`Reservation`] | a camera's name, and how much memory it needs |
 //! | [`Publisher`], [`Loan`] | the publisher's side |
 //! | [`Reader`], [`Message`], [`FrameSet`] | the reader's side |
+//! | [`AttitudePublisher`], [`AttitudeReader`] | the attitude of a robot that pitches, for the daemon |
 //! | [`cameras`] | which cameras are published |
 //! | [`access`] | which other users may read |
 //! | [`orphans`] | files of killed processes |
@@ -53,6 +54,7 @@
 //! ```
 
 pub mod access;
+mod attitude;
 pub mod cameras;
 mod clock;
 pub mod contract;
@@ -67,10 +69,11 @@ mod recovery;
 mod service;
 
 pub use crate::access::{Access, share_with};
+pub use crate::attitude::{AttitudePublisher, AttitudeReader, NoAttitude};
 pub use crate::clock::{monotonic_nanos, unix_nanos};
 pub use crate::contract::{
-    CONTRACT_ATTRIBUTE, CONTRACT_VERSION, FrameHeader, MAX_COEFFICIENTS, MAX_STAGES, ObstacleRecord,
-    STAGE_NAME_BYTES, StatsRecord,
+    AttitudeRecord, AttitudeSample, CONTRACT_ATTRIBUTE, CONTRACT_VERSION, FrameHeader, MAX_ATTITUDE_SAMPLES,
+    MAX_COEFFICIENTS, MAX_STAGES, ObstacleRecord, STAGE_NAME_BYTES, StatsRecord,
 };
 pub use crate::error::{IceoryxCause, IpcError, IpcErrorKind};
 pub use crate::iceoryx::{ROOT_VARIABLE, root, shared_memory_prefix, use_root};

@@ -51,6 +51,9 @@ use crate::error::hinted;
 ///     The share of the image that shows floor.
 /// used_labels : bool
 ///     Whether labels identified floor and glass; if not, only geometry did.
+/// used_attitude : bool
+///     Whether the robot's attitude at the capture time turned the mount (`nunetd --attitude`). If not, the robot
+///     counts as level.
 #[pyclass(frozen, get_all, name = "Obstacles", module = "nunet_py")]
 pub(crate) struct PyObstacles {
     states: Py<PyTuple>,
@@ -68,6 +71,7 @@ pub(crate) struct PyObstacles {
     ground_refined: bool,
     floor_fraction: f32,
     used_labels: bool,
+    used_attitude: bool,
 }
 
 const MOUNT_EXAMPLE: &str =
@@ -80,6 +84,7 @@ struct ObstacleParts<'a> {
     ground_refined: bool,
     floor_fraction: f32,
     used_labels: bool,
+    used_attitude: bool,
 }
 
 impl PyObstacles {
@@ -93,6 +98,7 @@ impl PyObstacles {
                 ground_refined: record.ground_refined != 0,
                 floor_fraction: record.floor_fraction,
                 used_labels: record.used_labels != 0,
+                used_attitude: record.used_attitude != 0,
             },
         )
     }
@@ -117,6 +123,7 @@ impl PyObstacles {
                 ground_refined: ground.is_refined,
                 floor_fraction: ground.floor_fraction,
                 used_labels: found.used_labels,
+                used_attitude: false,
             },
         )
     }
@@ -140,6 +147,7 @@ impl PyObstacles {
             ground_refined: parts.ground_refined,
             floor_fraction: parts.floor_fraction,
             used_labels: parts.used_labels,
+            used_attitude: parts.used_attitude,
         })
     }
 }

@@ -37,6 +37,7 @@ CHAPTERS = {
         "publisher",
         "Publisher",
         "Loan",
+        "AttitudePublisher",
     ],
     "Exceptions": ["NunetError", "ModelError", "WiringError", "CameraError", "ContractVersionError"],
 }

@@ -66,6 +66,7 @@ struct CameraState {
     /// `None` while it is unknown.
     stability: Option<Stability>,
     is_unstable: bool,
+    without_attitude: u64,
 }
 
 impl Shared {
@@ -119,6 +120,7 @@ impl Sink for Ros2Sink {
     fn on_status(&mut self, status: &Status<'_>) {
         let mut state = self.shared.state();
         (state.is_up, state.frames, state.fps) = (status.is_up, *status.counts, status.totals.fps());
+        state.without_attitude = status.totals.without_attitude;
         let stability = &status.totals.stability;
         (state.stability, state.is_unstable) = (stability.recent(), stability.is_unstable());
     }

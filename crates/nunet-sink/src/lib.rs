@@ -15,6 +15,8 @@
 //! | [`stats_record`] | counts and latencies as stored in shared memory |
 //! | [`watch_text`] | a frame and its stats as text |
 //! | [`stability`] | a warning about depth that drifts or flickers while the image does not change |
+//! | [`attitude`] | the mount of each frame on a robot that pitches or rolls |
+//! | [`mount_option`] | the pose of a camera, as six numbers |
 //! | [`mavlink`] | obstacles for an autopilot |
 //! | [`obstacles`] | the stage that finds obstacles, only for frames whose obstacles a reader or a sink needs
 //! |
@@ -22,6 +24,7 @@
 //! | [`obstacle_images`] | obstacles of one frame, as files |
 
 pub mod archive;
+pub mod attitude;
 pub mod empty_depth;
 pub mod file_plan;
 pub mod file_writer;
@@ -31,6 +34,7 @@ pub mod last_frame;
 pub mod mavlink;
 pub mod metrics;
 mod mount_check;
+pub mod mount_option;
 pub mod obstacle_images;
 pub mod obstacle_record;
 pub mod obstacles;

@@ -7,10 +7,16 @@ use nunet_ipc::{CONTRACT_VERSION, ObstacleRecord};
 pub const BASE_FRAME: &str = "base_link";
 
 /// Fills a record, which still contains an earlier frame.
-pub fn fill_record(record: &mut ObstacleRecord, found: &Obstacles, options: &ObstacleOptions) {
+pub fn fill_record(
+    record: &mut ObstacleRecord,
+    found: &Obstacles,
+    options: &ObstacleOptions,
+    used_attitude: bool,
+) {
     record.contract_version = CONTRACT_VERSION;
     record.ground_refined = found.ground.is_refined.into();
     record.used_labels = found.used_labels.into();
+    record.used_attitude = used_attitude.into();
     (record.angle_min_rad, record.angle_step_rad) = (found.angle_min_rad, found.angle_step_rad);
     record.clearance_m = options.clearance_m;
     record.robot_height_m = options.robot_height_m;

@@ -34,6 +34,8 @@ pub struct ObstacleStage {
     detector: Option<(Camera, ObstacleDetector)>,
     /// Memory for labels that no reader and no sink needs.
     labels: Vec<u8>,
+    /// Whether the detector has another mount than the configuration.
+    has_new_mount: bool,
     mount_check: MountCheck,
 }
 
@@ -55,6 +57,7 @@ impl ObstacleStage {
             classes,
             detector: None,
             labels: vec![0; labels],
+            has_new_mount: false,
             mount_check: MountCheck::default(),
         })
     }
@@ -63,6 +66,11 @@ impl ObstacleStage {
     #[must_use]
     pub fn config(&self) -> &ObstacleConfig {
         &self.config
+    }
+
+    /// Takes another mount from the next frame on whose obstacles are needed.
+    pub fn set_mount(&mut self, mount: Mount) {
+        (self.config.mount, self.has_new_mount) = (mount, true);
     }
 
     /// Memory for labels, if the network has labels.
@@ -89,6 +97,9 @@ impl ObstacleStage {
             self.detector = Some((*camera, self.new_detector(camera)?));
         }
         let (_, detector) = self.detector.as_mut().expect("created above");
+        if std::mem::take(&mut self.has_new_mount) && is_known {
+            detector.set_mount(self.config.mount);
+        }
         let labels = image.labels.or((!self.labels.is_empty()).then_some(&self.labels));
         let image = DepthImage { labels, ..image };
         detector.detect(&image, capture_nanos)?;

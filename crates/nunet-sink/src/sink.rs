@@ -77,7 +77,7 @@ impl Wants {
             Topic::Confidence => self.confidence,
             Topic::Cloud => self.cloud,
             Topic::Obstacles => self.obstacles,
-            Topic::Rgb | Topic::Depth | Topic::Stats => false,
+            Topic::Rgb | Topic::Depth | Topic::Stats | Topic::Attitude => false,
         }
     }
 

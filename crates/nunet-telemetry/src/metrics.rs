@@ -60,6 +60,7 @@ struct Families {
     in_flight: Family<CameraLabels, Gauge>,
     fps: Family<CameraLabels, Gauge<f64, AtomicU64>>,
     bytes_copied: Family<CameraLabels, Gauge<f64, AtomicU64>>,
+    without_attitude: Family<CameraLabels, Counter>,
     scale: Family<CameraLabels, Gauge<f64, AtomicU64>>,
     scale_age: Family<CameraLabels, Gauge<f64, AtomicU64>>,
     drift: Family<CameraLabels, Gauge<f64, AtomicU64>>,
@@ -85,6 +86,7 @@ impl Families {
             in_flight: Family::default(),
             fps: Family::default(),
             bytes_copied: Family::default(),
+            without_attitude: Family::default(),
             scale: Family::default(),
             scale_age: Family::default(),
             drift: Family::default(),
@@ -100,13 +102,12 @@ impl Families {
         registry.register("frames_captured", "Frames that the source delivered", families.captured.clone());
         registry.register("frames_ended", "Published, superseded and failed frames", families.ended.clone());
         registry.register("frames_in_flight", "Frames that are not finished", families.in_flight.clone());
-        registry.register(
-            "frames_per_second",
-            "Published frames per second since the start",
-            families.fps.clone(),
-        );
+        let help = "Published frames per second since the start";
+        registry.register("frames_per_second", help, families.fps.clone());
         let help = "Mean bytes per frame copied between camera memory and network input";
         registry.register("bytes_copied_per_frame", help, families.bytes_copied.clone());
+        let help = "Frames for which no attitude of the robot was found, although it is read";
+        registry.register("frames_without_attitude", help, families.without_attitude.clone());
         let help = "Factor by which the network's meters are multiplied; 0 for relative depth";
         registry.register("scale_factor", help, families.scale.clone());
         let help = "Time since the scale factor was measured; 0 for one that does not change";
@@ -188,6 +189,7 @@ impl Metrics {
             in_flight: families.in_flight.get_or_create_owned(&labels),
             fps: families.fps.get_or_create_owned(&labels),
             bytes_copied: families.bytes_copied.get_or_create_owned(&labels),
+            without_attitude: families.without_attitude.get_or_create_owned(&labels),
             scale: families.scale.get_or_create_owned(&labels),
             scale_age: families.scale_age.get_or_create_owned(&labels),
             drift: families.drift.get_or_create_owned(&labels),
@@ -214,6 +216,7 @@ pub struct CameraMetrics {
     in_flight: Gauge,
     fps: Gauge<f64, AtomicU64>,
     bytes_copied: Gauge<f64, AtomicU64>,
+    without_attitude: Counter,
     scale: Gauge<f64, AtomicU64>,
     scale_age: Gauge<f64, AtomicU64>,
     drift: Gauge<f64, AtomicU64>,
@@ -240,6 +243,7 @@ impl CameraMetrics {
         set(&self.published, counts.published);
         set(&self.superseded, counts.superseded);
         set(&self.failed, counts.failed);
+        set(&self.without_attitude, totals.without_attitude);
         self.in_flight.set(i64::try_from(counts.in_flight).unwrap_or(i64::MAX));
         self.fps.set(totals.fps());
         self.bytes_copied.set(totals.bytes_copied_per_frame());
@@ -278,6 +282,7 @@ mod tests {
         rear.set_up(false);
         let counts = Counts { captured: 7, published: 4, superseded: 2, failed: 1, in_flight: 0 };
         let mut totals = Totals::default();
+        totals.without_attitude = 3;
         totals.stability.set_limit(Some(0.05));
         (0..8).for_each(|_| totals.stability.add(Some(Stability { drift: -0.25, flicker: 0.5 })));
         front.set(&counts, &totals);
@@ -298,6 +303,7 @@ mod tests {
             "nunet_frames_captured_total{camera=\"front\"} 7\n",
             "nunet_frames_captured_total{camera=\"rear\"} 0\n",
             "nunet_frames_ended_total{camera=\"front\",end=\"superseded\"} 2\n",
+            "nunet_frames_without_attitude_total{camera=\"front\"} 3\n",
             "nunet_latency_seconds_sum{camera=\"front\"} 0.04\n",
             "nunet_latency_seconds_bucket{le=\"0.033\",camera=\"front\"} 0\n",
             "nunet_latency_seconds_bucket{le=\"0.05\",camera=\"front\"} 1\n",

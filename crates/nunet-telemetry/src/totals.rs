@@ -15,6 +15,8 @@ pub struct Totals {
     bytes_copied: u64,
     steady_frames: u64,
     steady_allocations: Allocations,
+    /// Frames for which no attitude of the robot was found, although it is read.
+    pub without_attitude: u64,
     /// Drift and flicker of depth.
     pub stability: StabilityTotals,
 }
@@ -47,6 +49,7 @@ impl Totals {
         self.steady_frames += other.steady_frames;
         self.steady_allocations.own += other.steady_allocations.own;
         self.steady_allocations.foreign += other.steady_allocations.foreign;
+        self.without_attitude += other.without_attitude;
         self.stability.join(&other.stability);
     }
 

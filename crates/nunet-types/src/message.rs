@@ -20,6 +20,8 @@ vocabulary! {
         Stats = 5 "stats",
         /// The confidence of depth: `[height, width]`, `u8`, 255 = certain, 0 where there is no measurement.
         Confidence = 6 "confidence",
+        /// The attitude of the robot's base, from an inertial sensor, for the daemon: one attitude record.
+        Attitude = 7 "attitude",
     }
 }
 
@@ -48,6 +50,8 @@ vocabulary! {
         ObstacleRecord = 9 "obstacle_record",
         /// `[height, width]` bytes, 255 = certain.
         ConfidenceU8 = 10 "confidence_u8",
+        /// One attitude record.
+        AttitudeRecord = 11 "attitude_record",
     }
 }
 
@@ -62,7 +66,7 @@ impl Encoding {
             Self::Yuyv => Some(PixelFormat::Yuyv),
             Self::Nv12 => Some(PixelFormat::Nv12),
             Self::DepthF32 | Self::LabelsU8 | Self::ConfidenceU8 | Self::Points => None,
-            Self::StatsRecord | Self::ObstacleRecord => None,
+            Self::StatsRecord | Self::ObstacleRecord | Self::AttitudeRecord => None,
         }
     }
 
@@ -74,7 +78,7 @@ impl Encoding {
             Self::LabelsU8 | Self::ConfidenceU8 => Some(1),
             Self::Points => Some(16),
             Self::Rgb8 | Self::Bgr8 | Self::Mono8 | Self::Yuyv | Self::Nv12 => None,
-            Self::StatsRecord | Self::ObstacleRecord => None,
+            Self::StatsRecord | Self::ObstacleRecord | Self::AttitudeRecord => None,
         }
     }
 }
@@ -140,7 +144,7 @@ mod tests {
             let kinds = [
                 encoding.pixel_format().is_some(),
                 encoding.element_bytes().is_some(),
-                [Encoding::StatsRecord, Encoding::ObstacleRecord].contains(&encoding),
+                encoding.name().ends_with("_record"),
             ];
             assert_eq!(kinds.into_iter().filter(|kind| *kind).count(), 1, "{encoding}");
         }

@@ -51,6 +51,24 @@ def test_an_image_arrives_as_it_was_sent_with_a_header_that_fits(pair):
     assert publisher.publish(noise()) == 78
 
 
+def test_an_attitude_is_published_and_wrong_angles_are_refused():
+    name = unique_name()
+    with nunet.AttitudePublisher(name) as attitude:
+        assert attitude.camera == name and name in repr(attitude)
+        attitude.publish(0.02, -0.1)
+        attitude.publish(roll=0.0, pitch=0.1, capture_nanos=time.monotonic_ns())
+        for wrong in (90.0, float("nan")):
+            with pytest.raises(ValueError, match="attitude: pitch is"):
+                attitude.publish(0.0, wrong)
+        with pytest.raises(nunet.NunetError, match="already published"):
+            nunet.AttitudePublisher(name)
+    attitude.close()
+    with pytest.raises(nunet.NunetError, match="is closed"):
+        attitude.publish(0.0, 0.0)
+    with pytest.raises(ValueError, match="no position in a recording"):
+        nunet.AttitudePublisher(name, clock="media")
+
+
 @pytest.mark.parametrize("clock", ["unix", "media"])
 def test_capture_times_use_the_chosen_clock(clock):
     with attached(clock=clock) as (publisher, frames):

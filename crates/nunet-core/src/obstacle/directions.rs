@@ -3,6 +3,7 @@
 use nunet_types::{NO_LABEL, ObstacleSector, SectorState};
 
 use super::scan::Votes;
+use super::sectors::Sectors;
 use super::view::{Cell, View};
 
 /// Points of an obstacle are at most this much farther than its nearest one, meters.
@@ -141,6 +142,19 @@ impl Memory {
         self.seen.fill(None);
     }
 
+    /// Moves what is remembered from the sectors of one view to those of another.
+    pub(super) fn turn(&mut self, from: &Sectors, to: &Sectors) {
+        if self.hold_nanos == 0 {
+            return;
+        }
+        let seen = std::mem::take(&mut self.seen);
+        let old = |sector: usize| {
+            let [x, y] = to.middle(sector);
+            seen.get(from.at(x, y) as usize).copied().flatten()
+        };
+        self.seen = (0..to.count()).map(old).collect();
+    }
+
     /// Stores the obstacles of this frame, and restores those that left the image a short time ago.
     pub(super) fn update(&mut self, sectors: &mut [ObstacleSector], now_nanos: i64) {
         if self.hold_nanos == 0 {
@@ -249,5 +263,10 @@ mod tests {
         assert_eq!(after(&mut memory, 600_000_000)[0].state(), SectorState::Unknown);
         memory.update(&mut [occupied(0.7), occupied(2.0)], 0);
         assert_eq!(after(&mut memory, -1)[0].state(), SectorState::Unknown, "time went back");
+
+        memory.update(&mut [occupied(0.7), occupied(2.0)], 0);
+        memory.turn(&Sectors::new(0.0, 0.2, 2), &Sectors::new(-0.1, 0.1, 2));
+        let [new, near] = after(&mut memory, 100_000_000);
+        assert_eq!((new.state(), near.range_m), (SectorState::Unknown, 0.7), "the view turned right by one");
     }
 }

@@ -173,15 +173,16 @@ impl ObstacleDetector {
         })
     }
 
-    /// Takes another mount from the next frame on, such as the attitude of an inertial sensor. Computes the tables again,
-    /// and forgets remembered obstacles.
+    /// Takes another mount from the next frame on, such as that of a tilted robot ([`Mount::on_tilted_base`]). Computes the
+    /// tables again. Remembered obstacles keep their directions.
     pub fn set_mount(&mut self, mount: Mount) {
-        self.view = View::new(&self.rays, &mount, &self.options);
+        let view = View::new(&self.rays, &mount, &self.options);
+        self.memory.turn(&self.view.sectors, &view.sectors);
+        self.view = view;
         self.scan = Scan::new(&self.view, mount.position_m());
         self.ground = GroundFit::new(&mount, &self.options);
         self.obstacles.angle_min_rad = self.view.sectors.angle_min_rad;
         self.obstacles.angle_step_rad = self.view.sectors.angle_step_rad;
-        self.memory.clear();
     }
 
     /// The share of the image that looks at floor within range, 0 to 1. At 0 the camera never sees floor, and no

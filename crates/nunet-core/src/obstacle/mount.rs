@@ -71,6 +71,18 @@ impl Mount {
         Self::new(self.position_m(), [roll_rad, pitch_rad, self.roll_pitch_yaw_rad[2]])
     }
 
+    /// The mount while the base is tilted: the base's roll and pitch, as an inertial sensor measures them, turn camera and
+    /// position about the base's origin.
+    ///
+    /// # Errors
+    /// Those of [`Self::new`].
+    pub fn on_tilted_base(&self, roll_rad: f64, pitch_rad: f64) -> Result<Self, ObstacleError> {
+        let [roll, pitch, yaw] = self.roll_pitch_yaw_rad;
+        let tilt = Rotation3::from_euler_angles(roll_rad, pitch_rad, 0.0);
+        let (roll, pitch, yaw) = (tilt * Rotation3::from_euler_angles(roll, pitch, yaw)).euler_angles();
+        Self::new((tilt * self.position_m).into(), [roll, pitch, yaw])
+    }
+
     /// The camera's position, meters.
     #[must_use]
     pub fn position_m(&self) -> [f64; 3] {
@@ -142,6 +154,25 @@ mod tests {
         let down = Mount::new([0.0, 0.0, 1.0], [0.0, FRAC_PI_2, 0.0]).unwrap();
         near(down.to_base([0.0, 0.0, 1.0]), [0.0, 0.0, 0.0]);
         near(mount.to_optical([1.1, -0.8, -0.7]), [1.0, 1.0, 1.0]);
+    }
+
+    #[test]
+    fn a_tilted_base_moves_and_turns_the_camera() {
+        let level = Mount::new([0.2, 0.0, 0.5], [0.0, 0.1, 0.3]).unwrap();
+        let tilt = Rotation3::from_euler_angles(0.05, -0.2, 0.0);
+        for (tilted, tilt) in [
+            (level.on_tilted_base(0.05, -0.2).unwrap(), tilt),
+            (level.on_tilted_base(0.0, 0.0).unwrap(), Rotation3::identity()),
+        ] {
+            for point in [[0.0; 3], [1.0, -0.5, 2.0]] {
+                let expected = tilt * Vector3::from(level.to_base(point));
+                let found = Vector3::from(tilted.to_base(point));
+                assert!((found - expected).norm() < 1e-9, "{found} {expected}");
+            }
+        }
+        assert!(level.on_tilted_base(0.0, -0.2).unwrap().height_m() > level.height_m(), "the front rises");
+        let upside_down = level.on_tilted_base(3.0, 0.0).unwrap_err();
+        assert!(matches!(upside_down, ObstacleError::CameraBelowFloor { .. }), "{upside_down}");
     }
 
     #[test]

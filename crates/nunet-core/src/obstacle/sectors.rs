@@ -37,6 +37,12 @@ impl Sectors {
         self.boundaries.len() - 1
     }
 
+    /// The direction of the middle of a sector.
+    pub(super) fn middle(&self, sector: usize) -> [f32; 2] {
+        let (sin, cos) = (self.angle_min_rad + (sector as f32 + 0.5) * self.angle_step_rad).sin_cos();
+        [cos, sin]
+    }
+
     /// The sector of a direction, computed; [`NONE`] outside the field of view.
     pub(super) fn at(&self, x: f32, y: f32) -> u32 {
         let angle = (y.atan2(x) - self.angle_min_rad).rem_euclid(TAU);

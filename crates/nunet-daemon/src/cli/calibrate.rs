@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use clap::{ArgGroup, Args};
 use nunet_core::framing::AspectMode;
-use nunet_core::obstacle::Mount;
 use nunet_core::pipeline::PipelineOptions;
 use nunet_core::scale::ScaleMode;
 use nunet_eval::{DepthUnits, EvalOptions, Point, Reference, Window};
@@ -106,10 +105,9 @@ impl CalibrateArgs {
             (_, Some(pairs), ..) => Evidence::Readings(pairs.clone()),
             (.., Some(truth), _) => Evidence::Truth(self.truth(truth)),
             (.., mount) => {
-                let MountOption { translation_m, roll_pitch_yaw_rad } =
+                let mount =
                     mount.ok_or_else(|| BadArguments::new("pass --distance, --pairs, --truth or --mount"))?;
-                let mount = Mount::new(translation_m, roll_pitch_yaw_rad);
-                let mount = mount.map_err(|error| BadArguments::of(&error))?;
+                let mount = mount.pose().map_err(|error| BadArguments::of(&error))?;
                 Evidence::Frames(source()?, Reference::Floor(mount))
             }
         };

@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use nunet_core::obstacle::Mount;
 use nunet_eval::{BaselineChoice, DepthUnits, EvalOptions, ObstacleEval, Protocol, Window};
 
 use super::text::value;
@@ -113,9 +112,7 @@ impl EvalArgs {
             return Ok(None);
         }
         let options = self.obstacles.options.options(max_range_m);
-        let mount = value(&self.obstacles.mount).map(|MountOption { translation_m, roll_pitch_yaw_rad }| {
-            Mount::new(translation_m, roll_pitch_yaw_rad)
-        });
+        let mount = value(&self.obstacles.mount).map(MountOption::pose);
         let checked = mount.transpose().and_then(|mount| options.check().map(|()| mount));
         let mount = checked.map_err(|error| BadArguments::of(&error))?;
         Ok(Some(ObstacleEval { mount, options }))

@@ -82,7 +82,7 @@ impl LensArgs {
             ScaleArg::Auto => (ScaleMode::Auto, None),
             ScaleArg::Off => (ScaleMode::Off, None),
             ScaleArg::Factor(factor) => (ScaleMode::Auto, Some(factor)),
-            ScaleArg::Floor => (ScaleMode::Floor(floor_mount(mount)?), None),
+            ScaleArg::Floor => (ScaleMode::Floor(mount_for("--scale floor", mount)?), None),
         };
         let pipeline = PipelineOptions {
             aspect: self.aspect.0,
@@ -105,14 +105,14 @@ impl FromText for AspectMode {
     }
 }
 
-/// The pose of the camera, from which the depth of the floor follows.
-fn floor_mount(mount: Option<MountOption>) -> Result<Mount, BadArguments> {
-    let Some(MountOption { translation_m, roll_pitch_yaw_rad }) = mount else {
-        return Err(BadArguments::new("--scale floor needs the pose of the camera on the robot").with_hint(
+/// The pose of the camera, which a flag needs.
+pub(super) fn mount_for(flag: &str, mount: Option<MountOption>) -> Result<Mount, BadArguments> {
+    let missing = || {
+        BadArguments::new(format!("{flag} needs the pose of the camera on the robot")).with_hint(
             "pass --mount x,y,z,roll,pitch,yaw, meters and radians; z is the height above the floor",
-        ));
+        )
     };
-    Mount::new(translation_m, roll_pitch_yaw_rad).map_err(|error| BadArguments::of(&error))
+    mount.ok_or_else(missing)?.pose().map_err(|error| BadArguments::of(&error))
 }
 
 /// Where the scale of depth comes from.
@@ -212,10 +212,10 @@ mod tests {
 
     #[test]
     fn the_floor_needs_a_mount_above_it() {
-        let hint = |mount| floor_mount(mount).unwrap_err().hint().unwrap_or_default();
+        let hint = |mount| mount_for("--scale floor", mount).unwrap_err().hint().unwrap_or_default();
         assert!(hint(None).contains("pass --mount"));
         let at = |z: f64| MountOption { translation_m: [0.0, 0.0, z], roll_pitch_yaw_rad: [0.0; 3] };
         assert!(hint(Some(at(-0.1))).contains("above the floor"));
-        assert!(floor_mount(Some(at(0.3))).is_ok());
+        assert!(mount_for("--scale floor", Some(at(0.3))).is_ok());
     }
 }

@@ -1,7 +1,7 @@
 //! The flags of obstacles.
 
 use clap::Args;
-use nunet_core::obstacle::{Mount, ObstacleOptions};
+use nunet_core::obstacle::ObstacleOptions;
 use nunet_types::Hint as _;
 use serde::Deserialize;
 use tracing::warn;
@@ -57,10 +57,10 @@ impl ObstacleArgs {
         is_required: bool,
     ) -> Result<Option<ObstacleConfig>, BadArguments> {
         let is_required = is_required || self.is_given();
-        let Some(MountOption { translation_m, roll_pitch_yaw_rad }) = mount else {
+        let Some(mount) = mount else {
             return if is_required { Err(without_mount()) } else { Ok(None) };
         };
-        let made = Mount::new(translation_m, roll_pitch_yaw_rad).and_then(|mount| {
+        let made = mount.pose().and_then(|mount| {
             let options = self.options(max_range_m);
             options.check()?;
             Ok(ObstacleConfig { mount, options, is_required })

@@ -15,11 +15,12 @@ use nunet_view::{UncheckedToken, ViewConfig};
 use serde::Deserialize;
 use tracing::warn;
 
+use super::lens::mount_for;
 use super::text::{FileMode, FrameId, Readers, StageEvery, Text, value};
 use super::{CameraArgs, DEFAULT_MODEL, EngineArgs, FoxgloveArgs, ObstacleArgs, RecordArgs};
 use crate::config::{
-    AccessConfig, CameraConfig, Config, ModelConfig, OutputConfig, Publish, SourceConfig, StabilityLimit,
-    frame_id,
+    AccessConfig, AttitudeConfig, AttitudeSource, CameraConfig, Config, ModelConfig, MountOption,
+    OutputConfig, Publish, SourceConfig, StabilityLimit, frame_id,
 };
 use crate::exit::{BadArguments, WithHint, camera_name, in_camera};
 use crate::source::{CameraSetting, CameraSettings, Rate, SourceName};
@@ -217,6 +218,10 @@ pub struct StreamArgs {
     /// serial:DEVICE:BAUD; needs --mount
     #[arg(long, value_name = "ADDRESS")]
     pub mavlink: Option<Text<MavlinkAddress>>,
+    /// Take roll and pitch of a robot that does not stay level from the topic `attitude` of the camera in shared memory; needs
+    /// --mount
+    #[arg(long, value_name = "shm")]
+    pub attitude: Option<Text<AttitudeSource>>,
     /// Warn if depth drifts or flickers by more than this per frame while the image does not change: percent, or `off`
     /// [default: 5]
     #[arg(long, value_name = "PERCENT|off")]
@@ -254,6 +259,7 @@ impl StreamArgs {
             obstacles: self.obstacles.config(mount, processing.pipeline.max_range_m, is_required)?,
             processing,
             mount,
+            attitude: self.attitude(mount)?,
             mavlink: value(&self.mavlink),
             stability_limit: value(&self.stability_limit).unwrap_or_default(),
             publish: self.publish.clone(),
@@ -261,6 +267,11 @@ impl StreamArgs {
             record: self.recording.config(),
             out: self.out.clone(),
         })
+    }
+
+    fn attitude(&self, mount: Option<MountOption>) -> Result<Option<AttitudeConfig>, BadArguments> {
+        let config = |source| Ok(AttitudeConfig { source, mount: mount_for("--attitude", mount)? });
+        value(&self.attitude).map(config).transpose()
     }
 }
 

@@ -14,7 +14,7 @@ use nunet_ros2::{DepthFormat, LinkName};
 use nunet_types::{ImageSize, text_with_hint};
 use serde::de::{Deserialize, Deserializer, Error as _};
 
-use crate::config::{MAX_FRAME_ID, MountOption, StabilityLimit};
+use crate::config::{AttitudeSource, MAX_FRAME_ID, MountOption, StabilityLimit};
 use crate::exit::BadArguments;
 use crate::source::{CameraSetting, Rate, Rotation};
 
@@ -61,7 +61,7 @@ macro_rules! from_str {
 }
 
 from_str!(BadArguments::of: Provider, IntrinsicsSpec, FilterSpec, MavlinkAddress, LinkName, DepthFormat);
-from_str!(plain: CameraSetting, Rate, Rotation, ImageSize, PixelFormat, MountOption, StabilityLimit);
+from_str!(plain: CameraSetting, Rate, Rotation, ImageSize, PixelFormat, MountOption, StabilityLimit, AttitudeSource);
 
 fn plain(error: &impl Display) -> BadArguments {
     BadArguments::new(error.to_string())

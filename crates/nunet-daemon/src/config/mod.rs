@@ -18,9 +18,11 @@ use nunet_source::{CameraGeometry, CameraSettings, OpenOptions, Rate, SourceName
 use nunet_types::ImageSize;
 use nunet_view::ViewConfig;
 
+pub use nunet_sink::attitude::{AttitudeConfig, AttitudeSource};
+pub use nunet_sink::mount_option::MountOption;
 pub use nunet_sink::obstacles::ObstacleConfig;
 pub use nunet_sink::stability::StabilityLimit;
-pub use values::{LogOptions, MountOption, Publish};
+pub use values::{LogOptions, Publish};
 
 use crate::exit::BadArguments;
 
@@ -66,6 +68,8 @@ pub struct CameraConfig {
     pub mount: Option<MountOption>,
     /// The settings of obstacles; `None` without a mount.
     pub obstacles: Option<ObstacleConfig>,
+    /// Where the attitude of the robot comes from, if it pitches or rolls.
+    pub attitude: Option<AttitudeConfig>,
     /// The drift or flicker of depth above which a warning is logged.
     pub stability_limit: StabilityLimit,
     /// The autopilot that obstacles are sent to.

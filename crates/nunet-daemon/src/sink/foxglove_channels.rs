@@ -4,7 +4,6 @@ use nunet_foxglove::{FoxgloveConfig, FoxgloveServer};
 use nunet_ros2::CameraOptions;
 use tracing::info;
 
-use super::recording::mount;
 use super::{Sink, SinkContext};
 use crate::exit::WithHint;
 
@@ -30,7 +29,7 @@ pub(super) fn open(context: &SinkContext<'_>) -> anyhow::Result<Option<Box<dyn S
         name,
         frame_id: &config.frame_id,
         classes: context.common.classes,
-        mount: config.mount.map(mount),
+        mount: config.mount.map(Into::into),
         has_labels: context.pipeline.graph().has_labels(),
         has_confidence: context.pipeline.graph().has_confidence(),
         has_obstacles: context.has_obstacles,

@@ -52,10 +52,12 @@ impl Loans {
         &mut self,
         found: &Obstacles,
         options: &ObstacleOptions,
+        used_attitude: bool,
     ) -> anyhow::Result<()> {
         let Some(loan) = &mut self.obstacles else { return Ok(()) };
         let record = loan.slice_mut::<ObstacleRecord>()?.first_mut();
-        fill_record(record.context("the chunk is too small for the obstacles")?, found, options);
+        let record = record.context("the chunk is too small for the obstacles")?;
+        fill_record(record, found, options, used_attitude);
         Ok(())
     }
 }

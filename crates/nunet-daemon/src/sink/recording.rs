@@ -3,13 +3,11 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use nunet_mcap::CameraMount;
 use nunet_sink::frame_writer::{FrameWriter, RecordingOptions, settings};
 use nunet_sink::output_file::check_output;
 use nunet_sink::recorder::record_into;
 
 use super::{Sink, SinkContext};
-use crate::config::MountOption;
 use crate::exit::WithHint;
 
 /// Opens the sink if `--record` is given.
@@ -18,7 +16,7 @@ pub(crate) fn open(context: &SinkContext<'_>) -> anyhow::Result<Option<Box<dyn S
     let about = RecordingOptions {
         camera: context.config.name.as_str(),
         frame_id: &context.config.frame_id,
-        mount: context.config.mount.map(mount),
+        mount: context.config.mount.map(Into::into),
         model: &context.common.model.name,
         model_sha256: &context.common.model.hash,
         provider: context.common.provider,
@@ -28,11 +26,6 @@ pub(crate) fn open(context: &SinkContext<'_>) -> anyhow::Result<Option<Box<dyn S
     };
     let writer = FrameWriter::create(path, &about)?;
     record_into(Box::new(writer), Arc::clone(&context.on_room)).map(Some)
-}
-
-/// The mount for `/tf_static`.
-pub(crate) fn mount(mount: MountOption) -> CameraMount {
-    CameraMount { translation_m: mount.translation_m, roll_pitch_yaw_rad: mount.roll_pitch_yaw_rad }
 }
 
 /// Refuses an output that exists, before any work is done.

@@ -2,7 +2,6 @@
 
 use nunet_ros2::{CameraOptions, Ros2Node, Ros2Options};
 
-use super::recording::mount;
 use super::{Sink, SinkContext};
 use crate::exit::WithHint;
 
@@ -33,7 +32,7 @@ pub(super) fn open(context: &SinkContext<'_>) -> anyhow::Result<Option<Box<dyn S
     ];
     // The robot that publishes the images publishes the transform of their frame, too.
     let has_own_frame = config.is_frame_id_chosen || !config.source.name.properties().is_ros2;
-    let mount = config.mount.filter(|_| has_own_frame).map(mount);
+    let mount = config.mount.filter(|_| has_own_frame).map(Into::into);
     let sink = node.add_camera(&CameraOptions {
         name,
         frame_id: &config.frame_id,

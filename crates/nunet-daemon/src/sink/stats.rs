@@ -31,6 +31,9 @@ pub(crate) struct Stats {
     /// Published frames per second, from the first capture to the last publication.
     pub(crate) fps: f64,
     pub(crate) bytes_copied_per_frame: f64,
+    /// Frames for which no attitude of the robot was found; absent if all had one, or it is not read.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) frames_without_attitude: Option<u64>,
     /// Drift and flicker of depth while the image did not change.
     pub(crate) stability: StabilitySummary,
     /// Mean heap allocations of nunet's crates per frame, without the first frames; `null` if not counted.
@@ -80,6 +83,7 @@ impl Stats {
             latency_ms: latencies.into(),
             fps: totals.fps(),
             bytes_copied_per_frame: totals.bytes_copied_per_frame(),
+            frames_without_attitude: Some(totals.without_attitude).filter(|count| *count > 0),
             stability: totals.stability.summary(),
             allocations_per_frame: totals.allocations_per_frame(),
             iceoryx2_allocations_per_frame: totals.foreign_allocations_per_frame(),

@@ -1,5 +1,7 @@
 //! One camera's work on the inference thread: computes results in shared memory and passes them to sinks.
 
+mod late_readers;
+
 use std::time::{Duration, Instant};
 
 use nunet_core::clock::Clock as _;
@@ -7,6 +9,7 @@ use nunet_core::depth::Scale;
 use nunet_core::pipeline::{FrameReport, Pipeline};
 use nunet_engine::{MonotonicClock, details_of};
 use nunet_ipc::LATE_JOINER_PERIOD;
+use nunet_sink::attitude::AttitudeStage;
 use nunet_sink::empty_depth::EmptyDepthWarning;
 use nunet_sink::obstacles::ObstacleStage;
 use nunet_sink::stability::{StabilityLimit, StabilityWarning};
@@ -15,7 +18,7 @@ use nunet_telemetry::{
     Counts, FrameEnd, Latencies, MessageCounts, RateLimit, Totals, allocations_of_this_thread, micros_between,
 };
 use nunet_types::PixelRect;
-use tracing::{debug, error, trace_span, warn};
+use tracing::{debug, error, trace_span};
 
 use super::round_robin::{Poll, RoundRobinTask};
 use super::state::StreamState;
@@ -35,6 +38,7 @@ pub(crate) struct StreamTask {
     continuity: Continuity,
     publisher: ShmPublisher,
     obstacles: Option<ObstacleStage>,
+    attitude: Option<AttitudeStage>,
     sinks: Vec<Box<dyn Sink>>,
     totals: Totals,
     latencies: Latencies,
@@ -81,6 +85,7 @@ impl StreamTask {
             continuity: Continuity::default(),
             publisher,
             obstacles: None,
+            attitude: None,
             sinks,
             totals: Totals::default(),
             last_reported: Counts::default(),
@@ -94,10 +99,14 @@ impl StreamTask {
         }
     }
 
-    /// Adds a stage that finds obstacles.
-    pub(crate) fn with_obstacles(self, obstacles: Option<ObstacleStage>) -> Self {
+    /// Adds a stage that finds obstacles, and one that follows the attitude of the robot.
+    pub(crate) fn with_stages(
+        self,
+        obstacles: Option<ObstacleStage>,
+        attitude: Option<AttitudeStage>,
+    ) -> Self {
         let latencies = Latencies::new(stage_names(&self.pipeline, obstacles.is_some()));
-        Self { latencies, obstacles, ..self }
+        Self { latencies, obstacles, attitude, ..self }
     }
 
     /// The same with another limit of drift and flicker.
@@ -228,28 +237,6 @@ impl StreamTask {
         end
     }
 
-    /// Whether results of the last frame can still be computed for a reader that joins later. A network or filter with a state
-    /// must not process a frame twice.
-    fn can_serve_late_readers(&self) -> bool {
-        self.publisher.has_omitted_results() && self.pipeline.is_stateless()
-    }
-
-    /// Computes labels and cloud of the last frame for readers that joined since. The frame has been counted already.
-    fn serve_late_readers(&mut self) {
-        let Some(frame) = self.kept.take() else { return };
-        match self.try_serve_late_readers(&frame) {
-            Ok(()) => self.kept = Some(frame),
-            // The frame is not kept, because it would fail again five times per second.
-            Err(error) => warn!("late readers do not receive frame {}: {error:#}", frame.sequence),
-        }
-    }
-
-    fn try_serve_late_readers(&mut self, frame: &Frame) -> anyhow::Result<()> {
-        let Some(mut loans) = self.publisher.loan_for_late_readers()? else { return Ok(()) };
-        let report = self.process(frame, &mut loans, self.publisher.has_obstacle_readers())?;
-        self.publisher.publish_to_late_readers(loans, frame, &report)
-    }
-
     /// One span per frame. A failure is logged here and nowhere else.
     fn process_frame(&mut self, frame: &Frame) -> FrameEnd {
         let _span = trace_span!("frame", sequence = frame.sequence).entered();
@@ -293,6 +280,10 @@ impl StreamTask {
             self.obstacles.iter_mut().for_each(ObstacleStage::reset);
         }
         self.pipeline.set_frame_nanos(frame.capture.nanos);
+        if let Some(attitude) = &mut self.attitude {
+            attitude.follow(&frame.capture, &mut self.pipeline, self.obstacles.as_mut());
+            self.totals.without_attitude = attitude.frames_without();
+        }
         let wants = self.sinks.iter().map(|sink| sink.wants()).fold(Wants::default(), Wants::union);
         let mut loans = self.publisher.loan(wants)?;
         let with_obstacles = wants.obstacles || self.publisher.has_obstacle_readers();
@@ -324,7 +315,8 @@ impl StreamTask {
             let options = stage.config().options;
             let image = loans.depth_image(self.pipeline.confidence())?;
             let found = stage.detect(self.pipeline.points_camera(), image, frame.capture.nanos)?;
-            loans.set_obstacles(found, &options)?;
+            let used_attitude = self.attitude.as_ref().is_some_and(AttitudeStage::is_known);
+            loans.set_obstacles(found, &options, used_attitude)?;
         }
         report.stages.push(start_nanos, MonotonicClock.nanos());
         Ok(report)

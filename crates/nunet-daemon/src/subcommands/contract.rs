@@ -32,6 +32,8 @@ fn contract_json() -> Value {
         "obstacles": layout_json(&contract::OBSTACLES),
         "obstacle_sector": layout_json(&contract::OBSTACLE_SECTOR),
         "obstacle_point": layout_json(&contract::OBSTACLE_POINT),
+        "attitude": layout_json(&contract::ATTITUDE),
+        "attitude_sample": layout_json(&contract::ATTITUDE_SAMPLE),
         "enums": enums,
         "services": contract::SERVICES,
         "metadata_keys": METADATA_KEYS,

@@ -25,7 +25,7 @@ use crate::Outcome;
 use crate::config::{ModelConfig, MountOption, ProcessingConfig, Publish, default_frame_id};
 use crate::exit::{BadArguments, is_usage, warn_of_camera};
 use crate::sink::Results;
-use crate::sink::recording::{mount, refuse_output};
+use crate::sink::recording::refuse_output;
 use crate::sink::stats::ModelName;
 use crate::source::{CameraResolver, Continuity, Fill, Frame, OpenOptions, RecordingSource, Rotated, Source};
 use crate::stream::{FrameHandler, Pace, SourceEnd, Stop, Stopped, drive};
@@ -93,7 +93,7 @@ fn replay_unless(options: &ReplayOptions, stop: &Stop) -> anyhow::Result<Outcome
     let about = RecordingOptions {
         camera: options.camera.as_str(),
         frame_id: if frame_id.is_empty() { &unnamed } else { frame_id },
-        mount: options.mount.map(mount),
+        mount: options.mount.map(Into::into),
         model: &model.name,
         model_sha256: &model.hash,
         provider: pipeline.graph().provider().name(),

@@ -3,6 +3,7 @@
 //! `nunetd contract --json` prints these tables, and bindings for other languages are checked against them.
 //! They are taken from the types themselves: offsets from `offset_of!`, numbers from the enumerations.
 
+mod attitude;
 mod block;
 mod header;
 mod obstacles;
@@ -15,6 +16,7 @@ use nunet_types::{
     SectorState, Topic, Units, Wake,
 };
 
+pub use attitude::{ATTITUDE_TYPE_NAME, AttitudeRecord, AttitudeSample, MAX_ATTITUDE_SAMPLES};
 pub use block::{BLOCK_BYTES, BLOCK_TYPE_NAME, Block64, blocks_for};
 pub use header::{CONTRACT_VERSION, FrameHeader, HEADER_TYPE_NAME, MAX_COEFFICIENTS, MAX_STAGES};
 pub use obstacles::{OBSTACLES_TYPE_NAME, ObstacleRecord};
@@ -88,6 +90,22 @@ pub const OBSTACLE_POINT: StructLayout = StructLayout {
     fields: ObstaclePoint::FIELDS,
 };
 
+/// The payload of `attitude`.
+pub const ATTITUDE: StructLayout = StructLayout {
+    type_name: ATTITUDE_TYPE_NAME,
+    bytes: size_of::<AttitudeRecord>(),
+    alignment: align_of::<AttitudeRecord>(),
+    fields: AttitudeRecord::FIELDS,
+};
+
+/// One sample of an attitude record.
+pub const ATTITUDE_SAMPLE: StructLayout = StructLayout {
+    type_name: <AttitudeSample as FieldType>::KIND,
+    bytes: size_of::<AttitudeSample>(),
+    alignment: align_of::<AttitudeSample>(),
+    fields: AttitudeSample::FIELDS,
+};
+
 /// An enumeration's name, and its words with their numbers.
 pub type Enumeration = (&'static str, &'static [(&'static str, u32)]);
 
@@ -128,6 +146,7 @@ pub const SERVICES: &[&str] = &[
     "nunet/CAMERA/obstacles",
     "nunet/CAMERA/stats",
     "nunet/CAMERA/confidence",
+    "nunet/CAMERA/attitude",
     "nunet/CAMERA/wake",
 ];
 
@@ -155,7 +174,8 @@ mod tests {
             ENUM_DOCS[0][Topic::Labels as usize],
             " The class of each pixel: `[height, width]`, `u8`.\n"
         );
-        for layout in [HEADER, STATS, POINT, OBSTACLES, OBSTACLE_SECTOR, OBSTACLE_POINT] {
+        let records = [HEADER, STATS, POINT, OBSTACLES, OBSTACLE_SECTOR, OBSTACLE_POINT];
+        for layout in records.into_iter().chain([ATTITUDE, ATTITUDE_SAMPLE]) {
             assert!(layout.fields.iter().all(|field| field.doc.trim_end().ends_with('.')), "{layout:?}");
         }
     }

@@ -42,8 +42,10 @@ contract_struct! {
         pub ground_slope_y: f32,
         /// The ground: height at the origin, meters.
         pub ground_height_m: f32,
+        /// 1 if the mount was turned by the robot's attitude at the capture time, 0 if the robot counts as level.
+        pub used_attitude: u32,
         /// Zero; room for later fields.
-        pub reserved: [u8; 104],
+        pub reserved: [u8; 100],
         /// The directions. Unused entries are undefined.
         pub sectors: [ObstacleSector; MAX_SECTORS],
         /// The points of obstacles. Unused entries are undefined.

@@ -18,6 +18,7 @@ impl IpcError {
     fn fixed_hint(&self) -> Option<&'static str> {
         Some(match self {
             Self::Limit { .. } => "memory is reserved for each one, so allow as few as you need",
+            Self::Attitude { .. } => "give angles in radians: 90 degrees are 1.571",
             Self::Root { .. } => {
                 "set NUNET_IPC_ROOT to an absolute path of at most 40 bytes, such as /tmp/robot"
             }

@@ -34,6 +34,14 @@ pub enum IpcError {
         /// The largest allowed.
         most: usize,
     },
+    /// An angle that is not a number, or beyond a turn.
+    #[error("attitude: {angle} is {value}, expected -2π to 2π")]
+    Attitude {
+        /// Which one.
+        angle: &'static str,
+        /// Its value.
+        value: f32,
+    },
     /// The same topic twice in a plan.
     #[error("topic `{topic}` is planned twice")]
     PlannedTwice {

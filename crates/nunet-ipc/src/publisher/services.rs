@@ -29,7 +29,7 @@ const SPARE_NODES: usize = 12;
 /// of them creates it.
 const MAX_LISTENERS: usize = 64;
 
-/// The publisher of `rgb`, the publisher of the rest, and dead ones that were not cleaned up yet.
+/// The publisher of `rgb`, that of `attitude`, the publisher of the rest, and dead ones that were not cleaned up yet.
 const MAX_NOTIFIERS: usize = 8;
 
 /// Opens or creates a topic's service, as its publisher.

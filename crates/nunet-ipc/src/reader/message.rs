@@ -7,7 +7,9 @@ use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::sample::Sample;
 use nunet_types::{CloudPoint, Encoding, Topic};
 
-use crate::contract::{BLOCK_BYTES, Block64, CONTRACT_VERSION, FrameHeader, ObstacleRecord, StatsRecord};
+use crate::contract::{
+    AttitudeRecord, BLOCK_BYTES, Block64, CONTRACT_VERSION, FrameHeader, ObstacleRecord, StatsRecord,
+};
 use crate::error::IpcError;
 use crate::iceoryx::Iceoryx;
 
@@ -118,6 +120,14 @@ impl Message {
     /// Those of [`depth`](Self::depth).
     pub fn obstacles(&self) -> Result<&ObstacleRecord, IpcError> {
         self.record(Encoding::ObstacleRecord)
+    }
+
+    /// The attitude of the robot's base.
+    ///
+    /// # Errors
+    /// Those of [`depth`](Self::depth).
+    pub fn attitude(&self) -> Result<&AttitudeRecord, IpcError> {
+        self.record(Encoding::AttitudeRecord)
     }
 
     fn record<T: Pod>(&self, encoding: Encoding) -> Result<&T, IpcError> {

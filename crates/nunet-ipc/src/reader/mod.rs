@@ -121,7 +121,7 @@ impl Reader {
     fn cares_for(&self, event: usize) -> bool {
         match Wake::ALL.get(event) {
             Some(Wake::Image) => self.topics().any(|topic| topic == Topic::Rgb),
-            Some(Wake::Depth) => self.topics().any(|topic| topic != Topic::Rgb),
+            Some(Wake::Depth) => self.topics().any(|topic| !matches!(topic, Topic::Rgb | Topic::Attitude)),
             Some(Wake::PublisherStarted | Wake::PublisherClosed | Wake::PublisherDied) => true,
             None => false,
         }

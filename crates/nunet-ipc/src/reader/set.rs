@@ -6,7 +6,7 @@ use super::{FrameSet, Reader};
 use crate::error::IpcError;
 
 impl Reader {
-    /// The newest frames of all topics but `stats` that belong together, if all have arrived: they have one
+    /// The newest frames of all topics but `stats` and `attitude` that belong together, if all have arrived: they have one
     /// [`key`](crate::FrameHeader::key). Frames that arrived so far are kept for the next call; frames whose set cannot
     /// become complete any more are dropped.
     ///
@@ -39,7 +39,7 @@ impl Reader {
 
     /// Whether every topic has a frame, and all have one key.
     fn is_set_complete(&self) -> bool {
-        let joined = self.topics().filter(|topic| *topic != Topic::Stats);
+        let joined = self.topics().filter(|topic| !matches!(topic, Topic::Stats | Topic::Attitude));
         let mut keys = joined.map(|topic| self.held_key(topic));
         let first = keys.next().flatten();
         first.is_some() && keys.all(|key| key == first)
@@ -62,5 +62,5 @@ impl Reader {
 
 /// Whether the daemon computes it from an image.
 fn is_result(topic: Topic) -> bool {
-    !matches!(topic, Topic::Stats | Topic::Rgb)
+    !matches!(topic, Topic::Stats | Topic::Attitude | Topic::Rgb)
 }

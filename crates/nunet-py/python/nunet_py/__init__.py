@@ -24,6 +24,7 @@ from pathlib import Path
 
 from nunet_py import _native
 from nunet_py._native import (
+    AttitudePublisher,
     Camera,
     CameraError,
     Cloud,
@@ -49,6 +50,7 @@ from nunet_py._native import (
 )
 
 __all__ = [
+    "AttitudePublisher",
     "Camera",
     "CameraError",
     "Cloud",

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from typing_extensions import Self
 
 __all__ = [
+    "AttitudePublisher",
     "Camera",
     "CameraError",
     "Cloud",
@@ -252,6 +253,8 @@ class Obstacles:
     def floor_fraction(self) -> float: ...
     @property
     def used_labels(self) -> bool: ...
+    @property
+    def used_attitude(self) -> bool: ...
 
 @final
 class Replay(Iterator[Result]):
@@ -470,6 +473,16 @@ def publisher(
     frame_id: str = "",
     readers: int = 4,
 ) -> Publisher: ...
+
+@final
+class AttitudePublisher:
+    def __new__(cls, camera: str, *, clock: Literal["monotonic", "unix"] = "monotonic") -> Self: ...
+    def publish(self, roll: float, pitch: float, *, capture_nanos: int | None = None) -> None: ...
+    def close(self) -> None: ...
+    @property
+    def camera(self) -> str: ...
+    def __enter__(self) -> Self: ...
+    def __exit__(self, *_exception: object) -> None: ...
 
 @final
 class Publisher:

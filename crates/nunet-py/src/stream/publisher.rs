@@ -94,7 +94,7 @@ fn publisher(
 }
 
 /// The clock by its name.
-fn clock_of(name: &str) -> PyResult<Clock> {
+pub(super) fn clock_of(name: &str) -> PyResult<Clock> {
     name.parse().map_err(|_| {
         let choices: Vec<_> = Clock::ALL.iter().map(|clock| format!("`{clock}`")).collect();
         hinted::<PyValueError>(

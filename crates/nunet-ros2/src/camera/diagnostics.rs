@@ -25,6 +25,7 @@ impl CameraThread {
             ("scale factor", state.scale.map_or(0.0, |scale| scale.factor).to_string()),
             ("depth drift, % per frame", percent(|now| now.drift)),
             ("depth flicker, % per frame", percent(|now| now.flicker)),
+            ("frames without the robot's attitude", state.without_attitude.to_string()),
             ("captured", captured.to_string()),
             ("published", published.to_string()),
             ("superseded", superseded.to_string()),

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use nunet_core::pipeline::Pipeline;
 use nunet_engine::find_model;
 use nunet_ipc::unix_nanos;
+use nunet_sink::attitude::AttitudeStage;
 use nunet_sink::file_plan::{FilePlan, place};
 use nunet_sink::obstacles::ObstacleStage;
 use nunet_sink::output_file::recording_path;
@@ -255,9 +256,9 @@ impl Opened<'_> {
         let sinks = sink::open_all(&context)?;
         let pace = Pace::of(&config.source);
         drop(entered);
-        let task = StreamTask::new(pipeline, camera, publisher, sinks).with_obstacles(obstacles);
-        let task = task.with_stability_limit(config.stability_limit);
-        Ok(Stream { source, pace, task, span })
+        let attitude = config.attitude.map(|attitude| AttitudeStage::new(&config.name, attitude));
+        let task = StreamTask::new(pipeline, camera, publisher, sinks).with_stages(obstacles, attitude);
+        Ok(Stream { source, pace, task: task.with_stability_limit(config.stability_limit), span })
     }
 }
 

@@ -1,0 +1,66 @@
+//! The pose of a camera on the robot, as six numbers.
+
+use std::str::FromStr;
+
+use nunet_core::obstacle::{Mount, ObstacleError, check_angles};
+use nunet_mcap::CameraMount;
+use nunet_types::text_with_hint;
+
+/// The camera on the robot, as a user writes it: `x,y,z,roll,pitch,yaw` in `base_link` (x forward, y left, z up).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MountOption {
+    /// Meters.
+    pub translation_m: [f64; 3],
+    /// Radians.
+    pub roll_pitch_yaw_rad: [f64; 3],
+}
+
+impl MountOption {
+    /// The pose.
+    ///
+    /// # Errors
+    /// No camera can be there.
+    pub fn pose(self) -> Result<Mount, ObstacleError> {
+        Mount::new(self.translation_m, self.roll_pitch_yaw_rad)
+    }
+}
+
+impl From<MountOption> for CameraMount {
+    fn from(MountOption { translation_m, roll_pitch_yaw_rad }: MountOption) -> Self {
+        Self { translation_m, roll_pitch_yaw_rad }
+    }
+}
+
+impl FromStr for MountOption {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse::<f64>()).collect();
+        match numbers.as_deref() {
+            Ok(&[x, y, z, roll, pitch, yaw])
+                if [x, y, z, roll, pitch, yaw].iter().all(|number| number.is_finite()) =>
+            {
+                let roll_pitch_yaw_rad = [roll, pitch, yaw];
+                check_angles(roll_pitch_yaw_rad).map_err(|error| text_with_hint(&error))?;
+                Ok(Self { translation_m: [x, y, z], roll_pitch_yaw_rad })
+            }
+            _ => Err("expected six numbers `x,y,z,roll,pitch,yaw`: meters, then radians".to_owned()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mount_is_six_finite_numbers() {
+        let mount: MountOption = "1, 2,3,0,-0.5,0.25".parse().unwrap();
+        assert_eq!((mount.translation_m, mount.roll_pitch_yaw_rad), ([1.0, 2.0, 3.0], [0.0, -0.5, 0.25]));
+        for wrong in ["", "1,2,3", "1,2,3,4,5,6,7", "1,2,3,4,5,nan", "1,2,3,4,5,x"] {
+            assert!(wrong.parse::<MountOption>().unwrap_err().starts_with("expected six numbers"), "{wrong}");
+        }
+        let degrees = "0,0,0.3,0,15,90".parse::<MountOption>().unwrap_err();
+        assert!(degrees.contains("pitch is 15") && degrees.contains("radians"), "{degrees}");
+    }
+}
