@@ -23,8 +23,8 @@ pub fn message(data: &[u8]) {
     if let Ok(Some(depth)) = frame.depth() {
         assert_eq!(depth.values.len(), pixels);
     }
-    if let Ok(Some(labels)) = frame.labels() {
-        assert_eq!(labels.len(), pixels);
+    for map in [frame.labels(), frame.confidence()].into_iter().flatten().flatten() {
+        assert_eq!(map.len(), pixels);
     }
     assert!(frame.section(Section::Image).is_none_or(|image| image.len() <= data.len()));
 }

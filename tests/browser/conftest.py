@@ -53,6 +53,13 @@ def robot_view(tmp_path: Path) -> Iterator[View]:
     yield from repeated_image(tmp_path, ROOT / "models/drive/rgb", camera)
 
 
+@pytest.fixture
+def confident_view(tmp_path: Path) -> Iterator[View]:
+    """nunetd with a small untrained model that states its confidence."""
+    arguments = ["--model", str(ROOT / "models/tiny/tiny_unet_confidence.onnx")]
+    yield from repeated_image(tmp_path, ROOT / "models/clip/rgb", arguments)
+
+
 def repeated_image(tmp_path: Path, folder: Path, arguments: list[str]) -> Iterator[View]:
     """nunetd on the first image of a folder, in a loop."""
     images = tmp_path / "images"

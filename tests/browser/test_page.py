@@ -91,6 +91,42 @@ def test_the_readout_is_the_depth_of_depth_npy(browser: Browser, view: View) -> 
     assert watched.problems == []
 
 
+def test_confidence_is_shown_on_request(browser: Browser, confident_view: View) -> None:
+    """Its pane, the readout, and the blended view; nothing of it is computed before."""
+    context = browser.new_context(viewport={"width": 1280, "height": 900})
+    watched = Watched(context.new_page())
+    page = watched.open(confident_view.url)
+    assert not page.is_visible("#confidence")
+    page.focus("#show-confidence")
+    page.keyboard.press("Space")
+    page.wait_for_selector("#confidence", state="visible")
+    page.focus("#confidence")
+    page.keyboard.press("ArrowRight")
+    wait_until(page, "document.getElementById('readout').dataset.confidence")
+    shot(page, "confidence")
+    shown = canvas(page, "confidence")
+    assert colors(shown) > 5
+    assert (np.ptp(shown.astype(int), axis=2) == 0).mean() > 0.9, "it is gray"
+    point = page.evaluate("({...document.getElementById('readout').dataset})")
+    readout = page.inner_text("#announcement")
+    assert readout.endswith(f", confidence {round(100 * int(point['confidence']) / 255)} %"), readout
+    page.select_option("#layout", "blend")
+    page.wait_for_selector("#blend", state="visible")
+    before = canvas(page, "blend").astype(int)
+    page.fill("#confidence-share", "1")
+    page.wait_for_timeout(300)
+    assert canvas(page, "blend").astype(int).sum() < before.sum(), "uncertain pixels are darker"
+    shot(page, "confidence-blended")
+    page.uncheck("#show-confidence")
+    page.select_option("#layout", "side")
+    assert not page.is_visible("#confidence")
+    assert watched.problems == []
+    context.close()
+    confident_view.stop()
+    confidence = np.asarray(Image.open(confident_view.out / "confidence.png"))
+    assert confidence[int(point["y"]), int(point["x"])] == int(point["confidence"])
+
+
 def test_obstacles_are_shown_from_above(browser: Browser, robot_view: View) -> None:
     """With a mount there is a pane with free and occupied directions, also described in words."""
     page = browser.new_page(viewport={"width": 1280, "height": 900})

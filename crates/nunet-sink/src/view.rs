@@ -31,7 +31,7 @@ impl Sink for ViewSink {
     fn wants(&self) -> Wants {
         Wants {
             labels: self.feed.wants(OnDemand::Labels),
-            confidence: false,
+            confidence: self.feed.wants(OnDemand::Confidence),
             cloud: false,
             obstacles: self.feed.wants(OnDemand::Obstacles),
         }
@@ -80,10 +80,11 @@ fn copy(published: &PublishedFrame<'_>, frame: &mut ViewFrame) {
     if let Ok(image) = source.view() {
         frame.set_image(image.bytes(), image.size(), image.row_stride(), image.format());
     }
-    let Results { scale, size, depth, labels, obstacles, view, .. } = *results;
+    let Results { scale, size, depth, labels, confidence, obstacles, view, .. } = *results;
     let view = shares_of(view, source.size);
     frame.set_depth(depth, DepthInfo { size, units: scale.units, scale_source: scale.source, view });
     frame.set_labels(labels.unwrap_or_default());
+    frame.set_confidence(confidence.unwrap_or_default());
     if let Some(found) = obstacles {
         frame.set_obstacles(&found.map());
     }

@@ -7,6 +7,15 @@ use nunet_ipc::{
 };
 use serde_json::{Map, Value, json};
 
+/// The newest messages beside depth that are read for a terminal.
+#[derive(Debug, Default)]
+pub struct BesideDepth {
+    /// The confidence of depth.
+    pub confidence: Option<Message>,
+    /// The obstacles.
+    pub obstacles: Option<Message>,
+}
+
 /// Milliseconds since the image was taken; `None` if its capture time is unknown.
 fn age_ms(header: &FrameHeader) -> Option<f64> {
     header.age_nanos(monotonic_nanos(), unix_nanos()).map(|nanos| nanos as f64 / 1e6)
@@ -99,7 +108,7 @@ pub fn screen_of(
     camera: &CameraName,
     frame: &Message,
     stats: &StatsRecord,
-    obstacles: Option<&ObstacleRecord>,
+    beside: &BesideDepth,
 ) -> anyhow::Result<String> {
     let header = frame.header();
     let mut text = format!(
@@ -136,7 +145,12 @@ pub fn screen_of(
     }
     text +=
         &row_of("total", [stats.total_p50_us, stats.total_p90_us, stats.total_p99_us, stats.total_max_us]);
-    text += &obstacles.map(birds_eye_of).unwrap_or_default();
+    if let Some(confidence) = &beside.confidence {
+        text += &confidence_of(confidence.confidence()?, confidence.header().width as usize);
+    }
+    if let Some(obstacles) = &beside.obstacles {
+        text += &birds_eye_of(obstacles.obstacles()?);
+    }
     Ok(text)
 }
 
@@ -153,6 +167,21 @@ fn stability_of(stats: &StatsRecord) -> String {
     };
     let alarm = if stats.is_unstable == 1 { " · UNSTABLE" } else { "" };
     format!("per frame: drift {:+.2} % · flicker {:.2} %{alarm}", 100.0 * drift, 100.0 * flicker)
+}
+
+/// The mean confidence, the one at the center, and how many pixels are less than half certain.
+fn confidence_of(values: &[u8], width: usize) -> String {
+    let (count, height) = (values.len().max(1), values.len() / width.max(1));
+    let percent = |value: f64| 100.0 * value / 255.0;
+    let mean = values.iter().map(|&value| f64::from(value)).sum::<f64>() / count as f64;
+    let center = values.get(height / 2 * width + width / 2).copied().unwrap_or_default();
+    let uncertain = values.iter().filter(|value| **value < 128).count();
+    format!(
+        "confidence mean {:.0} % · center {:.0} % · below 50 %: {:.1} % of the pixels\n",
+        percent(mean),
+        percent(center.into()),
+        100.0 * uncertain as f64 / count as f64
+    )
 }
 
 /// The robot's surroundings from above, and the nearest obstacle.
@@ -190,6 +219,13 @@ mod tests {
         assert_eq!(stability_of(&stats), "per frame: drift -1.23 % · flicker 0.40 %");
         stats.is_unstable = 1;
         assert!(stability_of(&stats).ends_with("UNSTABLE"));
+    }
+
+    #[test]
+    fn confidence_is_a_share_of_certain() {
+        let text = confidence_of(&[255, 255, 0, 255, 51, 255], 3);
+        assert_eq!(text, "confidence mean 70 % · center 20 % · below 50 %: 33.3 % of the pixels\n");
+        assert!(confidence_of(&[], 0).contains("mean 0 %"));
     }
 
     #[test]

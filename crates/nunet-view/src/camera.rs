@@ -35,7 +35,7 @@ pub(crate) struct SharedCamera {
     newest: Slot,
     waiting: AtomicUsize,
     /// Clients that show each result of [`OnDemand`].
-    demands: [AtomicUsize; 2],
+    demands: [AtomicUsize; 3],
     status: Mutex<CameraStatus>,
 }
 
@@ -109,6 +109,8 @@ impl Drop for Interest<'_> {
 pub enum OnDemand {
     /// The labels.
     Labels,
+    /// The confidence.
+    Confidence,
     /// The obstacles.
     Obstacles,
 }

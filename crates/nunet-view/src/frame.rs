@@ -23,6 +23,7 @@ pub struct ViewFrame {
     depth: Option<DepthInfo>,
     depth_values: Vec<f32>,
     labels: Vec<u8>,
+    confidence: Vec<u8>,
     /// The section `obstacles`; empty without obstacles.
     obstacles: Vec<u8>,
     encoded: Mutex<Vec<(Encoded, Bytes)>>,
@@ -39,7 +40,7 @@ pub(crate) struct ImageInfo {
 /// What the numbers of a depth map mean.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DepthInfo {
-    /// Width and height of the depth map and of the labels.
+    /// Width and height of the depth map, the labels and the confidence.
     pub size: ImageSize,
     /// The unit of depth.
     pub units: Units,
@@ -76,6 +77,8 @@ pub(crate) enum Encoded {
     Depth(u32),
     /// The labels, every n-th pixel.
     Labels(u32),
+    /// The confidence, every n-th pixel.
+    Confidence(u32),
     /// The depth map as PNG.
     DepthPng,
 }
@@ -107,10 +110,13 @@ impl ViewFrame {
     /// Copies the labels, `[height, width]` class indices at the size of depth; set depth first. Labels of another number
     /// count as none.
     pub fn set_labels(&mut self, labels: &[u8]) {
-        self.labels.clear();
-        if self.depth.is_some_and(|depth| labels.len() == depth.size.pixel_count()) {
-            self.labels.extend_from_slice(labels);
-        }
+        copy_map(labels, self.depth, &mut self.labels);
+    }
+
+    /// Copies the confidence, `[height, width]` at the size of depth, 255 = certain; set depth first. Values of another
+    /// number count as none.
+    pub fn set_confidence(&mut self, confidence: &[u8]) {
+        copy_map(confidence, self.depth, &mut self.confidence);
     }
 
     /// Copies the obstacles; of many points, every n-th.
@@ -134,6 +140,11 @@ impl ViewFrame {
         (!self.labels.is_empty()).then_some(self.labels.as_slice())
     }
 
+    /// The confidence at the size of depth, if there is one.
+    pub(crate) fn confidence(&self) -> Option<&[u8]> {
+        (!self.confidence.is_empty()).then_some(self.confidence.as_slice())
+    }
+
     /// The section `obstacles`, if there are obstacles.
     pub(crate) fn obstacles(&self) -> Option<&[u8]> {
         (!self.obstacles.is_empty()).then_some(self.obstacles.as_slice())
@@ -143,6 +154,7 @@ impl ViewFrame {
     pub(crate) fn clear(&mut self) {
         (self.image, self.depth, self.rays) = (None, None, None);
         self.labels.clear();
+        self.confidence.clear();
         self.obstacles.clear();
         self.encoded.get_mut().unwrap_or_else(PoisonError::into_inner).clear();
     }
@@ -156,6 +168,14 @@ impl ViewFrame {
         let bytes = Bytes::from(encode());
         encoded.push((as_what, bytes.clone()));
         bytes
+    }
+}
+
+/// Copies one byte per pixel, if there are as many as depth has pixels.
+fn copy_map(bytes: &[u8], depth: Option<DepthInfo>, map: &mut Vec<u8>) {
+    map.clear();
+    if depth.is_some_and(|depth| bytes.len() == depth.size.pixel_count()) {
+        map.extend_from_slice(bytes);
     }
 }
 
@@ -181,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn depth_and_labels_of_another_size_count_as_none() {
+    fn maps_of_another_size_count_as_none() {
         let mut frame = ViewFrame::default();
         let info = DepthInfo {
             size: ImageSize::new(2, 1),
@@ -191,9 +211,12 @@ mod tests {
         };
         frame.set_depth(&[1.0, 2.0], info);
         frame.set_labels(&[1, 2]);
+        frame.set_confidence(&[255, 0]);
         assert_eq!((frame.depth(), frame.labels()), (Some((info, &[1.0, 2.0][..])), Some(&[1, 2][..])));
+        assert_eq!(frame.confidence(), Some(&[255, 0][..]));
         frame.set_labels(&[1]);
-        assert_eq!(frame.labels(), None);
+        frame.set_confidence(&[1, 2, 3]);
+        assert_eq!((frame.labels(), frame.confidence()), (None, None));
         frame.set_depth(&[1.0], info);
         assert_eq!(frame.depth(), None);
     }

@@ -31,13 +31,17 @@ fn sent_frame() -> Vec<u8> {
     feed.offer(|frame| {
         frame.set_depth(&[1.0, 1.1, 1.2, f32::NAN, 2.0, 2.1, 2.2, 2.3], info);
         frame.set_labels(&[0, 0, 1, 1, 2, 2, 3, 3]);
+        frame.set_confidence(&[9, 0, 1, 1, 200, 2, 3, 255]);
     });
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     runtime.block_on(async {
         let stream = tokio::net::TcpStream::connect(server.address()).await.unwrap();
         let url = format!("ws://{}/ws", server.address());
         let (mut socket, _) = tokio_tungstenite::client_async(url, stream).await.unwrap();
-        socket.send(Message::text(r#"{"type": "watch", "camera": "front"}"#)).await.unwrap();
+        socket
+            .send(Message::text(r#"{"type": "watch", "camera": "front", "confidence": true}"#))
+            .await
+            .unwrap();
         while let Some(message) = socket.next().await {
             if let Message::Binary(bytes) = message.unwrap() {
                 return bytes.to_vec();
@@ -65,7 +69,9 @@ fn damaged_frames_are_errors() {
     let bytes = sent_frame();
     let frame = nunet_view::FrameMessage::parse(&bytes).unwrap();
     assert!(
-        frame.depth().unwrap().is_some() && frame.labels().unwrap().is_some(),
+        frame.depth().unwrap().is_some()
+            && frame.labels().unwrap().is_some()
+            && frame.confidence().unwrap().is_some(),
         "the frame is a whole one"
     );
     keep_for_fuzzing("view_message", "frame", &bytes);

@@ -226,6 +226,32 @@ fn obstacles_are_wanted_and_sent_only_while_a_viewer_shows_them() {
 }
 
 #[test]
+fn confidence_is_wanted_and_sent_only_while_a_viewer_asks_for_it() {
+    let (server, mut feed) = server();
+    let confidence: Vec<u8> = (0..SIZE.pixel_count()).map(|index| (index % 64) as u8 * 4).collect();
+    feed.offer(|frame| {
+        frame.set_depth(&depth(3), DEPTH_INFO);
+        frame.set_confidence(&confidence);
+    });
+    block_on(async {
+        let mut socket = connect(server.address()).await;
+        say(&mut socket, json!({"type": "watch", "camera": "front"})).await;
+        let bytes = frame(&mut socket).await;
+        let without = FrameMessage::parse(&bytes).unwrap();
+        assert_eq!(without.confidence().unwrap(), None, "a client that does not know it receives none");
+        assert!(!feed.wants(OnDemand::Confidence));
+        say(&mut socket, json!({"type": "watch", "camera": "front", "confidence": true, "max_width": 32}))
+            .await;
+        let bytes = frame(&mut socket).await;
+        let map = FrameMessage::parse(&bytes).unwrap().confidence().unwrap().unwrap();
+        assert_eq!((map.len(), map[0], map[5]), (32 * 24, 0, 40));
+        assert!(feed.wants(OnDemand::Confidence));
+        say(&mut socket, json!({"type": "probe", "u": 0.999, "v": 0.5})).await;
+        assert_eq!(report(&mut socket, "probe").await["confidence"], json!(252));
+    });
+}
+
+#[test]
 fn a_probe_reads_the_exact_depth_of_the_frame_that_is_shown_also_while_paused() {
     let (server, mut feed) = server();
     offer(&mut feed, 3);
@@ -238,6 +264,7 @@ fn a_probe_reads_the_exact_depth_of_the_frame_that_is_shown_also_while_paused() 
         let probe = report(&mut socket, "probe").await;
         let expected = depth(3)[24 * 64 + 63];
         assert_eq!((&probe["x"], &probe["y"], &probe["label"]), (&json!(63), &json!(24), &json!(1)));
+        assert_eq!(probe["confidence"], Value::Null);
         assert_eq!(probe["depth"].as_f64().unwrap() as f32, expected);
         // Newer frames are neither sent nor read.
         offer(&mut feed, 4);

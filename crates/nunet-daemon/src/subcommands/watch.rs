@@ -6,13 +6,13 @@ use std::time::{Duration, Instant};
 
 use anyhow::bail;
 use console::Term;
-use nunet_ipc::{CameraName, IpcError, Message, ObstacleRecord, Reader, StatsRecord, Topic, cameras};
+use nunet_ipc::{CameraName, IpcError, Message, Reader, StatsRecord, Topic, cameras};
 
 use crate::Outcome;
 use crate::exit::{BadArguments, WithHint};
 use crate::stream::Stop;
 use nunet_sink::stdout::{StdoutError, print};
-use nunet_sink::watch_text::{json_of, line_of, screen_of};
+use nunet_sink::watch_text::{BesideDepth, json_of, line_of, screen_of};
 
 /// The longest single wait, so that a stop is handled in time.
 const GLANCE: Duration = Duration::from_millis(100);
@@ -37,7 +37,8 @@ pub(crate) fn watch(
         .map_err(|_| BadArguments::new(format!("--timeout `{timeout_s:?}` is not a number of seconds")))?;
     let mut out = Output::choose(json);
     let Some(reader) = open(camera, &out, timeout, &stop)? else { return Ok(Outcome::Done) };
-    let mut watcher = Watcher { reader, stats: None, obstacles: None, timeout, last: Instant::now() };
+    let mut watcher =
+        Watcher { reader, stats: None, beside: BesideDepth::default(), timeout, last: Instant::now() };
     let mut left = frames.map_or(u64::MAX, NonZeroU64::get);
     while left > 0 && !stop.requested() {
         if let Some(frame) = watcher.next()? {
@@ -82,8 +83,7 @@ fn nobody(camera: &CameraName, error: IpcError) -> anyhow::Error {
 struct Watcher {
     reader: Reader,
     stats: Option<StatsRecord>,
-    /// The newest obstacles, if they are read.
-    obstacles: Option<Message>,
+    beside: BesideDepth,
     timeout: Duration,
     last: Instant,
 }
@@ -99,7 +99,7 @@ impl Watcher {
         if frame.is_some() {
             self.last = Instant::now();
             self.follow_stats()?;
-            self.follow_obstacles()?;
+            self.follow_topics()?;
         } else if self.last.elapsed() >= self.timeout {
             bail!(
                 "no frame for {} s: {}",
@@ -125,17 +125,18 @@ impl Watcher {
         }
     }
 
-    fn follow_obstacles(&mut self) -> anyhow::Result<()> {
-        if self.reader.topics().any(|topic| topic == Topic::Obstacles)
-            && let Some(found) = self.reader.latest(Topic::Obstacles)?
+    fn follow_topics(&mut self) -> anyhow::Result<()> {
+        let Self { reader, beside, .. } = self;
+        for (topic, newest) in
+            [(Topic::Confidence, &mut beside.confidence), (Topic::Obstacles, &mut beside.obstacles)]
         {
-            self.obstacles = Some(found);
+            if reader.topics().any(|read| read == topic)
+                && let Some(found) = reader.latest(topic)?
+            {
+                *newest = Some(found);
+            }
         }
         Ok(())
-    }
-
-    fn obstacles(&self) -> anyhow::Result<Option<&ObstacleRecord>> {
-        Ok(self.obstacles.as_ref().map(Message::obstacles).transpose()?)
     }
 }
 
@@ -157,12 +158,14 @@ impl Output {
         }
     }
 
-    /// The topics to read. A terminal shows obstacles, which nunetd computes only for readers.
+    /// The topics to read. A terminal shows confidence and obstacles, which nunetd computes only for readers.
     fn topics(&self, camera: &CameraName) -> Vec<Topic> {
         let mut topics = vec![Topic::Depth, Topic::Stats];
-        let has_obstacles = || cameras::list(Topic::Obstacles).is_ok_and(|all| all.contains(camera));
-        if matches!(self, Self::Screen { .. }) && has_obstacles() {
-            topics.push(Topic::Obstacles);
+        if matches!(self, Self::Screen { .. }) {
+            let is_published = |topic| cameras::list(topic).is_ok_and(|all| all.contains(camera));
+            topics.extend(
+                [Topic::Confidence, Topic::Obstacles].into_iter().filter(|topic| is_published(*topic)),
+            );
         }
         topics
     }
@@ -175,7 +178,7 @@ impl Output {
             Self::Screen { term, drawn, lines } => {
                 if drawn.is_none_or(|last| last.elapsed() >= REDRAW) {
                     *drawn = Some(Instant::now());
-                    let text = screen_of(camera, frame, stats, watcher.obstacles()?)?;
+                    let text = screen_of(camera, frame, stats, &watcher.beside)?;
                     term.clear_last_lines(*lines).map_err(StdoutError::from)?;
                     *lines = text.lines().count();
                     term.write_str(&text).map_err(StdoutError::from)?;

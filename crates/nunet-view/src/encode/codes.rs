@@ -1,4 +1,4 @@
-//! Depth maps and labels in few bytes: depth in 0.4 % steps, each value as its difference to a prediction, deflated.
+//! Depth maps and maps of bytes in few bytes: depth in 0.4 % steps, each value as its difference to a prediction, deflated.
 //!
 //! Depth from a network is smooth, so that most differences are 0, 1 or -1 steps and a map of 320x240 takes
 //! 10 to 20 kB. A browser unpacks it with `DecompressionStream` and a loop of ten lines. JPEG would be
@@ -105,9 +105,9 @@ pub(crate) fn encode_depth(depth: &[f32], size: ImageSize, curve: LevelCurve) ->
     deflate(&bytes)
 }
 
-/// Labels as the bytes of a message's section.
-pub(crate) fn encode_labels(labels: &[u8]) -> Vec<u8> {
-    deflate(labels)
+/// A map of one byte per pixel, such as labels, as the bytes of a message's section.
+pub(crate) fn encode_bytes(map: &[u8]) -> Vec<u8> {
+    deflate(map)
 }
 
 /// Predicts a code from its neighbors to the left, above, and above left: the median edge detector of LOCO-I.

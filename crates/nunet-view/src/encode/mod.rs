@@ -7,7 +7,7 @@ mod pixels;
 mod png;
 
 pub use codes::{DepthMap, DepthMapError};
-pub(crate) use codes::{LevelCurve, encode_depth, encode_labels};
+pub(crate) use codes::{LevelCurve, encode_bytes, encode_depth};
 pub(crate) use codes::{inflate, levels_of};
 pub(crate) use colors::{auto_range, colorize, palette};
 pub(crate) use jpeg::{image_jpeg, rgb_jpeg};

@@ -14,8 +14,7 @@ use tracing::debug;
 use super::{ServerState, too_many_viewers};
 use crate::camera::{CameraStatus, Demand, OnDemand, SharedCamera, Slot};
 use crate::encode::{
-    auto_range, encode_depth, encode_labels, image_jpeg, levels_of, palette, stride_for, subsample,
-    subsampled,
+    auto_range, encode_bytes, encode_depth, image_jpeg, levels_of, palette, stride_for, subsample, subsampled,
 };
 use crate::frame::{Encoded, RayGrid, ViewFrame};
 use crate::pacing::ClientPacer;
@@ -140,7 +139,11 @@ impl Watching {
 
 /// The results that are computed only because this viewer shows them.
 fn demands(camera: &Arc<SharedCamera>, watch: &Watch) -> Vec<Demand> {
-    let wanted = [(watch.labels, OnDemand::Labels), (watch.obstacles, OnDemand::Obstacles)];
+    let wanted = [
+        (watch.labels, OnDemand::Labels),
+        (watch.confidence, OnDemand::Confidence),
+        (watch.obstacles, OnDemand::Obstacles),
+    ];
     wanted.into_iter().filter(|(is_wanted, _)| *is_wanted).map(|(_, result)| camera.demand(result)).collect()
 }
 
@@ -277,15 +280,16 @@ impl Client {
     }
 }
 
-/// The depth and the label at a point of a frame.
+/// The depth, the label and the confidence at a point of a frame.
 fn probe(frame: &ViewFrame, u: f32, v: f32) -> Option<Probe> {
     let (info, depth) = frame.depth()?;
     let at = |share: f32, side: u32| ((share * side as f32) as u32).min(side - 1);
     let (x, y) = (at(u, info.size.width), at(v, info.size.height));
     let index = y as usize * info.size.width as usize + x as usize;
     let depth = depth.get(index).copied().filter(|depth| depth.is_finite());
-    let label = frame.labels().and_then(|labels| labels.get(index).copied());
-    Some(Probe { sequence: frame.sequence, x, y, depth, label })
+    let at_index = |map: Option<&[u8]>| map.and_then(|map| map.get(index).copied());
+    let (label, confidence) = (at_index(frame.labels()), at_index(frame.confidence()));
+    Some(Probe { sequence: frame.sequence, x, y, depth, label, confidence })
 }
 
 /// What a viewer receives of a frame.
@@ -306,9 +310,13 @@ fn parts(frame: &ViewFrame, watch: &Watch) -> FrameParts {
         let encode = || encode_depth(&subsample(values, size, stride), map_size, curve);
         sections.push((Section::Depth, frame.encoded(Encoded::Depth(stride), encode)));
     }
-    if let Some(labels) = frame.labels().filter(|_| watch.labels) {
-        let encode = || encode_labels(&subsample(labels, size, stride));
-        sections.push((Section::Labels, frame.encoded(Encoded::Labels(stride), encode)));
+    let byte_maps = [
+        (watch.labels, frame.labels(), Section::Labels, Encoded::Labels(stride)),
+        (watch.confidence, frame.confidence(), Section::Confidence, Encoded::Confidence(stride)),
+    ];
+    for (_, map, section, key) in byte_maps.into_iter().filter(|(is_wanted, ..)| *is_wanted) {
+        let encoded = map.map(|map| frame.encoded(key, || encode_bytes(&subsample(map, size, stride))));
+        sections.extend(encoded.map(|bytes| (section, bytes)));
     }
     if let Some(obstacles) = frame.obstacles().filter(|_| watch.obstacles) {
         sections.push((Section::Obstacles, obstacles.to_vec().into()));

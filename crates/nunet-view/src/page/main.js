@@ -3,9 +3,11 @@
 import { Cloud } from "./cloud.js";
 import { Connection } from "./connection.js";
 import { describeObstacles, paintObstacles } from "./obstacles.js";
-import { fillLegend, paintBlend, paintDepth, paintImage, paintLabels, paintScale } from "./panes.js";
+import {
+  fillLegend, paintBlend, paintConfidence, paintDepth, paintImage, paintLabels, paintScale,
+} from "./panes.js";
 import { Plot } from "./plots.js";
-import { SECTION, UNITS, parseFrame, unpackDepth, unpackLabels, unpackObstacles } from "./protocol.js";
+import { SECTION, UNITS, parseFrame, unpackBytes, unpackDepth, unpackObstacles } from "./protocol.js";
 import { element, listen, settings } from "./settings.js";
 
 const state = {
@@ -15,6 +17,7 @@ const state = {
   frame: null,
   depth: null,
   labels: null,
+  confidence: null,
   obstacles: null,
   range: null,
   point: null, // where the readout is: u, v, pane
@@ -22,7 +25,7 @@ const state = {
   shown: 0,
   recent: [], // times and sizes of the last frames
 };
-const canvases = Object.fromEntries(["image", "depth", "labels", "blend"].map((id) => [id, element(id)]));
+const canvases = Object.fromEntries(["image", "depth", "labels", "confidence", "blend"].map((id) => [id, element(id)]));
 const cloud = new Cloud(element("cloud"));
 const latencyPlot = new Plot(element("latency-plot"));
 const ratePlot = new Plot(element("rate-plot"));
@@ -86,12 +89,13 @@ async function drawNewest() {
 
 async function show(frame) {
   const jpeg = frame.sections.get(SECTION.image);
-  const [bitmap, depth, labels] = await Promise.all([
+  const [bitmap, depth, labels, confidence] = await Promise.all([
     jpeg && createImageBitmap(new Blob([jpeg], { type: "image/jpeg" })),
     unpackDepth(frame),
-    unpackLabels(frame),
+    unpackBytes(frame, SECTION.labels),
+    unpackBytes(frame, SECTION.confidence),
   ]);
-  Object.assign(state, { frame, depth, labels, obstacles: unpackObstacles(frame) });
+  Object.assign(state, { frame, depth, labels, confidence, obstacles: unpackObstacles(frame) });
   state.shown++;
   if (bitmap) {
     paintImage(canvases.image, bitmap);
@@ -105,7 +109,7 @@ async function show(frame) {
 // What is drawn -----------------------------------------------------------------------------------------------------------
 
 function redraw() {
-  const { frame, depth, labels } = state;
+  const { frame, depth, labels, confidence } = state;
   if (!frame) return;
   updateRange(frame);
   if (depth) paintDepth(canvases.depth, depth, frame, state.palette, state.range);
@@ -113,10 +117,12 @@ function redraw() {
     paintLabels(canvases.labels, labels, frame);
     fillLegend(element("legend"), labels, state.description?.classes ?? []);
   }
+  if (confidence) paintConfidence(canvases.confidence, confidence, frame);
   arrange();
   if (settings.isBlended) {
     const { image, depth } = canvases;
-    paintBlend(canvases.blend, { image, depth, labels: labels && canvases.labels }, frame.view, settings.shares);
+    const layers = { image, depth, labels: labels && canvases.labels, confidence: confidence && canvases.confidence };
+    paintBlend(canvases.blend, layers, frame.view, settings.shares);
   }
   drawCloud();
   drawObstacles();
@@ -140,8 +146,8 @@ function drawCloud() {
   note.textContent = problem;
   note.hidden = !problem;
   if (problem || !depth) return;
-  const colors = canvases[settings.cloudColors];
-  cloud.update(depth, frame, description.rays, colors.width > 1 ? colors : canvases.depth);
+  const isThere = state[settings.cloudColors] !== null;
+  cloud.update(depth, frame, description.rays, isThere ? canvases[settings.cloudColors] : canvases.depth);
 }
 
 /** Colors follow slowly, so that they do not flicker. */
@@ -163,6 +169,7 @@ function arrange() {
     image: !settings.isBlended,
     depth: !settings.isBlended,
     labels: !settings.isBlended && Boolean(state.labels),
+    confidence: !settings.isBlended && Boolean(state.confidence) && settings.showsConfidence,
     blend: settings.isBlended,
     obstacles: Boolean(state.obstacles),
   };
@@ -213,13 +220,14 @@ function probe() {
   if (state.point) connection.send({ type: "probe", u: state.point.u, v: state.point.v });
 }
 
-function showProbe({ x, y, depth, label, sequence }) {
+function showProbe({ x, y, depth, label, confidence, sequence }) {
   const unit = state.frame?.units === UNITS.metre ? " m" : " (relative)";
   const text = depth === null ? "no measurement" : `${depth.toFixed(3)}${unit}`;
   const name = label === null ? "" : `, ${state.description?.classes[label] ?? `class ${label}`}`;
   const readout = element("readout");
-  readout.textContent = `${text} at column ${x}, row ${y}${name}`;
-  Object.assign(readout.dataset, { x, y, depth: depth ?? "", sequence });
+  const certainty = confidence === null ? "" : `, confidence ${Math.round((100 * confidence) / 255)} %`;
+  readout.textContent = `${text} at column ${x}, row ${y}${name}${certainty}`;
+  Object.assign(readout.dataset, { x, y, depth: depth ?? "", confidence: confidence ?? "", sequence });
   if (state.point?.byKeyboard) element("announcement").textContent = readout.textContent;
   placeMarker();
 }
@@ -322,6 +330,7 @@ function enableRange() {
 listen((id) => {
   if (id === "theme") return applyTheme();
   if (id.startsWith("max-")) return watch();
+  if (id === "show-confidence") watch();
   if (id === "auto") {
     enableRange();
     if (!settings.isAutomatic && state.range) {

@@ -1,4 +1,4 @@
-// Image, depth and labels on flat canvases.
+// Image, depth, labels and confidence on flat canvases.
 
 const NO_DEPTH = [150, 150, 150];
 
@@ -54,24 +54,33 @@ export function paintLabels(canvas, labels, { width, height }) {
   paint(canvas, width, height, (i) => colors[labels[i]]);
 }
 
+/** Confidence from uncertain (black) to certain (white). */
+export function paintConfidence(canvas, confidence, { width, height }) {
+  const grays = Array.from({ length: 256 }, (_, value) => pixel([value, value, value]));
+  paint(canvas, width, height, (i) => grays[confidence[i]]);
+}
+
 export function paintScale(canvas, palette) {
   paint(canvas, palette.length, 1, (i) => pixel(palette[i]));
 }
 
-/** The image with depth and labels over the part of it that they cover. */
-export function paintBlend(canvas, { image, depth, labels }, [left, top, width, height], { depthShare, labelShare }) {
+/** The image with depth and labels over the part of it that they cover; the less certain, the darker. */
+export function paintBlend(canvas, { image, depth, labels, confidence }, [left, top, width, height], shares) {
   const base = image.width > 1 ? image : depth;
   const covered = base === image ? [left, top, width, height] : [0, 0, 1, 1];
   resize(canvas, base.width, base.height);
   const context = canvas.getContext("2d");
-  const layers = [[base, 1], [depth, depthShare], [labels, labelShare]];
+  const { depthShare, labelShare, confidenceShare } = shares;
+  const layers = [[base, 1], [depth, depthShare], [labels, labelShare], [confidence, confidenceShare]];
   for (const [layer, share] of layers) {
     const [x, y, columns, rows] = layer === base ? [0, 0, 1, 1] : covered;
     const { width: w, height: h } = canvas;
     context.globalAlpha = share;
+    context.globalCompositeOperation = layer === confidence ? "multiply" : "source-over";
     if (layer) context.drawImage(layer, x * w, y * h, columns * w, rows * h);
   }
   context.globalAlpha = 1;
+  context.globalCompositeOperation = "source-over";
 }
 
 /** The classes that are in view, largest first. */

@@ -1,10 +1,10 @@
 // Binary frames of the WebSocket. The layout is described in the book, page "Live view".
 
-export const SECTION = { image: 1, depth: 2, labels: 3, obstacles: 4 };
+export const SECTION = { image: 1, depth: 2, labels: 3, obstacles: 4, confidence: 5 };
 export const UNITS = { none: 0, metre: 1, relative: 2 };
 const VERSION = 1;
 
-/** Reads a message. `depth` and `labels` are unpacked by `unpackDepth` and `unpackLabels`. */
+/** Reads a message. Maps are unpacked by `unpackDepth` and `unpackBytes`. */
 export function parseFrame(buffer) {
   const view = new DataView(buffer);
   if (buffer.byteLength < 80 || view.getUint32(0, false) !== 0x4e555646) throw new Error("not a frame");
@@ -49,9 +49,9 @@ async function inflate(bytes) {
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
-/** Class indices, row by row. */
-export async function unpackLabels(frame) {
-  const bytes = frame.sections.get(SECTION.labels);
+/** One byte per pixel, row by row: `SECTION.labels` or `SECTION.confidence`. */
+export async function unpackBytes(frame, section) {
+  const bytes = frame.sections.get(section);
   return bytes ? inflate(bytes) : null;
 }
 

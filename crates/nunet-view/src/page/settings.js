@@ -1,7 +1,8 @@
 // What the user chose; kept by the browser.
 
 const KEPT = [
-  "layout", "theme", "auto", "near", "far", "depth-share", "label-share", "cloud-colors",
+  "layout", "theme", "auto", "near", "far", "show-confidence", "depth-share", "label-share", "confidence-share",
+  "cloud-colors",
   "max-width", "max-rate", "max-fps",
 ];
 const KEY = "nunet-view";
@@ -49,10 +50,18 @@ const number = (id) => Number(element(id).value);
 
 export const settings = {
   get request() {
-    return { max_width: number("max-width"), max_mbit_per_s: number("max-rate"), max_fps: number("max-fps") };
+    return {
+      confidence: this.showsConfidence,
+      max_width: number("max-width"),
+      max_mbit_per_s: number("max-rate"),
+      max_fps: number("max-fps"),
+    };
   },
   get isBlended() {
     return element("layout").value === "blend";
+  },
+  get showsConfidence() {
+    return element("show-confidence").checked;
   },
   get isAutomatic() {
     return element("auto").checked;
@@ -61,7 +70,8 @@ export const settings = {
     return { near: number("near"), far: Math.max(number("far"), number("near") + 1e-3) };
   },
   get shares() {
-    return { depthShare: number("depth-share"), labelShare: number("label-share") };
+    const [depthShare, labelShare, confidenceShare] = ["depth-share", "label-share", "confidence-share"].map(number);
+    return { depthShare, labelShare, confidenceShare };
   },
   get cloudColors() {
     return element("cloud-colors").value;

@@ -12,7 +12,7 @@
 //! | 16 | `i64` | time of capture, nanoseconds since 1970 |
 //! | 24 | `u32` | from capture to publishing, microseconds |
 //! | 28 | `u16`, `u16` | width and height of the whole depth map |
-//! | 32 | `u16`, `u16` | width and height of the sections `depth` and `labels` |
+//! | 32 | `u16`, `u16` | width and height of the sections `depth`, `labels` and `confidence` |
 //! | 36 | `u16` | stride: pixel `(x, y)` of a section is pixel `(x * stride, y * stride)` of the whole map |
 //! | 38 | `u8` | units: 0 none, 1 meters, 2 relative |
 //! | 39 | `u8` | source of the scale, as in shared memory |
@@ -52,6 +52,8 @@ pub enum Section {
     Labels = 3,
     /// Obstacles from above: sectors and points.
     Obstacles = 4,
+    /// Confidence of depth, `u8`, 255 = certain, zlib.
+    Confidence = 5,
 }
 
 /// A frame to be sent.
@@ -113,7 +115,7 @@ pub struct FrameMessage<'a> {
     pub total_micros: u32,
     /// Size of the whole depth map.
     pub depth_size: ImageSize,
-    /// Size of the sections `depth` and `labels`.
+    /// Size of the sections `depth`, `labels` and `confidence`.
     pub map_size: ImageSize,
     /// A pixel of a section is every `stride`-th of the whole map.
     pub stride: u32,
@@ -153,9 +155,11 @@ pub enum MessageError {
     /// Depth cannot be unpacked.
     #[error(transparent)]
     Depth(#[from] DepthMapError),
-    /// Labels cannot be unpacked.
-    #[error("the section `labels` is not a deflated map of {size} classes")]
-    Labels {
+    /// Labels or confidence cannot be unpacked.
+    #[error("the section `{section}` is not a deflated map of {size} bytes")]
+    Bytes {
+        /// The section.
+        section: &'static str,
         /// The size of the map.
         size: ImageSize,
     },
@@ -189,7 +193,8 @@ impl ByteReader<'_> {
 }
 
 impl<'a> FrameMessage<'a> {
-    /// Reads a message. Its sections are unpacked by [`depth`](Self::depth) and [`labels`](Self::labels).
+    /// Reads a message. Its sections are unpacked by [`depth`](Self::depth), [`labels`](Self::labels) and
+    /// [`confidence`](Self::confidence).
     ///
     /// # Errors
     /// It is not a frame, of another version, or cut off.
@@ -257,9 +262,22 @@ impl<'a> FrameMessage<'a> {
     /// # Errors
     /// The section is damaged.
     pub fn labels(&self) -> Result<Option<Vec<u8>>, MessageError> {
-        let Some(bytes) = self.section(Section::Labels) else { return Ok(None) };
-        let labels = inflate(bytes, self.map_size.pixel_count());
-        labels.map(Some).ok_or(MessageError::Labels { size: self.map_size })
+        self.bytes(Section::Labels, "labels")
+    }
+
+    /// The confidence of depth, 255 = certain; `None` if it was not sent.
+    ///
+    /// # Errors
+    /// The section is damaged.
+    pub fn confidence(&self) -> Result<Option<Vec<u8>>, MessageError> {
+        self.bytes(Section::Confidence, "confidence")
+    }
+
+    /// A map of one byte per pixel.
+    fn bytes(&self, kind: Section, section: &'static str) -> Result<Option<Vec<u8>>, MessageError> {
+        let Some(bytes) = self.section(kind) else { return Ok(None) };
+        let map = inflate(bytes, self.map_size.pixel_count());
+        map.map(Some).ok_or(MessageError::Bytes { section, size: self.map_size })
     }
 }
 
@@ -282,7 +300,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::encode::{encode_depth, encode_labels, levels_of};
+    use crate::encode::{encode_bytes, encode_depth, levels_of};
 
     fn message() -> Vec<u8> {
         let size = ImageSize::new(4, 2);
@@ -305,7 +323,8 @@ mod tests {
             sections: vec![
                 (Section::Image, Bytes::from_static(&[1, 2, 3])),
                 (Section::Depth, encode_depth(&depth, size, curve).into()),
-                (Section::Labels, encode_labels(&[3; 8]).into()),
+                (Section::Labels, encode_bytes(&[3; 8]).into()),
+                (Section::Confidence, encode_bytes(&[255, 254, 7, 6, 5, 4, 3, 0]).into()),
             ],
         })
     }
@@ -323,6 +342,7 @@ mod tests {
         let depth = frame.depth().unwrap().unwrap();
         assert!((depth.values[3] - 4.0).abs() < 0.009 && depth.values[2].is_nan(), "{depth:?}");
         assert_eq!(frame.labels().unwrap(), Some(vec![3; 8]));
+        assert_eq!(frame.confidence().unwrap(), Some(vec![255, 254, 7, 6, 5, 4, 3, 0]));
         assert_eq!(frame.section(Section::Obstacles), None);
     }
 
@@ -331,7 +351,7 @@ mod tests {
         let whole = message();
         for length in 0..whole.len() {
             if let Ok(frame) = FrameMessage::parse(&whole[..length]) {
-                assert!(frame.sections.len() < 3, "{length} bytes");
+                assert!(frame.sections.len() < 4, "{length} bytes");
             }
         }
     }
@@ -367,7 +387,7 @@ mod tests {
             let at = at % bytes.len();
             bytes[at] = value;
             if let Ok(frame) = FrameMessage::parse(&bytes) {
-                let _ = (frame.depth(), frame.labels());
+                let _ = (frame.depth(), frame.labels(), frame.confidence());
             }
         }
     }

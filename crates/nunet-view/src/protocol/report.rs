@@ -42,6 +42,8 @@ pub(crate) struct Probe {
     /// `null` where there is no measurement.
     pub(crate) depth: Option<f32>,
     pub(crate) label: Option<u8>,
+    /// 255 = certain; `null` if it was not computed.
+    pub(crate) confidence: Option<u8>,
 }
 
 impl ServerMessage<'_> {

@@ -37,6 +37,9 @@ pub struct Watch {
     /// Whether labels are sent, if the model has them.
     #[serde(default = "yes")]
     pub labels: bool,
+    /// Whether the confidence of depth is sent, if the model has it. False by default: it takes more bytes than depth.
+    #[serde(default)]
+    pub confidence: bool,
     /// Whether obstacles are sent, if the camera has a mount.
     #[serde(default = "yes")]
     pub obstacles: bool,
@@ -124,6 +127,7 @@ impl Watch {
             image: true,
             depth: true,
             labels: true,
+            confidence: false,
             obstacles: true,
             max_width: default_width(),
             max_fps: default_fps(),
