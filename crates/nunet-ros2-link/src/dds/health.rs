@@ -40,7 +40,7 @@ impl LibraryState {
         Ok(())
     }
 
-    fn end(&self, why: &str) {
+    pub(super) fn end(&self, why: &str) {
         if !self.0.swap(true, Ordering::Relaxed) {
             error!("ROS 2 over DDS has ended: {why}; restart nunetd to use it again");
         }

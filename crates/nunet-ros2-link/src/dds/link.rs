@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::hash::{BuildHasher as _, RandomState};
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, Instant};
@@ -192,7 +192,7 @@ impl Link for DdsLink {
         let writer = writer.map_err(failed("make a publisher"))?;
         state.nodes.add_writer(node, writer.get_instance_handle().into());
         let Shared { peers, health, .. } = self.shared.clone();
-        Ok(Box::new(TopicPublisher { writer, peers, health }))
+        Ok(Box::new(TopicPublisher { writer, peers, health, known: AtomicUsize::new(0) }))
     }
 
     fn subscriber(
@@ -267,22 +267,54 @@ struct TopicPublisher {
     writer: DataWriter<RawMessage>,
     peers: Arc<Peers>,
     health: Arc<LibraryState>,
+    /// How many subscribers there were when they were last counted.
+    known: AtomicUsize,
 }
 
 impl MessagePublisher for TopicPublisher {
-    /// Those that answer: the library counts the dead for minutes.
+    /// Those that answer: the library counts the dead for minutes. Once the library has ended, the last ones: they wait
+    /// for messages, which count as not taken.
     fn subscribers(&self) -> usize {
         if self.health.has_ended() {
-            return 0;
+            return self.known.load(Ordering::Relaxed);
         }
         let (matched, now) = (self.writer.get_matched_subscriptions().unwrap_or_default(), Instant::now());
         let answers = |reader: Identifier| {
             reader.first_chunk().is_some_and(|participant| !self.peers.is_silent(*participant, now))
         };
-        matched.into_iter().filter(|reader| answers((*reader).into())).count()
+        let count = matched.into_iter().filter(|reader| answers((*reader).into())).count();
+        self.known.store(count, Ordering::Relaxed);
+        count
     }
 
     fn send(&self, message: &[u8]) -> bool {
         !self.health.has_ended() && self.writer.write(raw(message), None).is_ok()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TIMEOUT: Duration = Duration::from_secs(60);
+
+    #[test]
+    fn once_the_library_has_ended_messages_for_its_subscribers_are_not_taken_and_the_problem_is_stated() {
+        let range = DiscoveryRange::Localhost;
+        let environment = Environment { domain: 87, range, ..Environment::default() };
+        let [ours, theirs] = [(); 2].map(|()| DdsLink::open(&environment).unwrap());
+        let endpoint = Endpoint { topic: "/front/scan", message_type: MessageType::LaserScan };
+        let delivery = Delivery { depth: 1, is_kept: false };
+        let publisher = ours.publisher("nunetd_front", &endpoint, delivery).unwrap();
+        let _subscriber = theirs.subscriber("reader", &endpoint).unwrap();
+        let start = Instant::now();
+        while publisher.subscribers() == 0 {
+            assert!(start.elapsed() < TIMEOUT, "the subscriber is not found");
+            std::thread::yield_now();
+        }
+        assert!(publisher.send(&[0; 8]) && ours.problem().is_none());
+        ours.shared.health.end("a test");
+        assert_eq!((publisher.subscribers(), publisher.send(&[0; 8])), (1, false));
+        assert_eq!(ours.problem().as_deref(), Some("ROS 2 over DDS has ended"));
     }
 }

@@ -170,10 +170,40 @@ impl Link for ZenohLink {
     }
 
     fn problem(&self) -> Option<String> {
+        if self.session.is_closed() {
+            return Some("ROS 2 over Zenoh has ended".to_owned());
+        }
         self.router.problem(&self.session)
     }
 
     fn take_dropped(&self) -> u64 {
         self.drop_counter.take(&self.session)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::environment::ZenohVariables;
+    use crate::message_type::MessageType;
+
+    #[test]
+    fn a_session_that_has_ended_takes_no_messages_and_is_a_problem_without_a_router_too() {
+        let config =
+            "mode=\"peer\";listen/endpoints=[];connect/endpoints=[];scouting/multicast/enabled=false";
+        let zenoh = ZenohVariables {
+            config_override: Some(config.to_owned()),
+            router_check_attempts: -1,
+            session_config: None,
+        };
+        let environment = Environment { zenoh, ..Environment::default() };
+        let link = ZenohLink::open(&"zenoh".parse().unwrap(), &environment).unwrap();
+        let endpoint = Endpoint { topic: "/front/scan", message_type: MessageType::LaserScan };
+        let delivery = Delivery { depth: 1, is_kept: false };
+        let publisher = link.publisher("camera", &endpoint, delivery).unwrap();
+        assert!(publisher.send(&[1]) && link.problem().is_none());
+        link.session.close().wait().unwrap();
+        assert!(!publisher.send(&[1]));
+        assert_eq!(link.problem().as_deref(), Some("ROS 2 over Zenoh has ended"));
     }
 }
