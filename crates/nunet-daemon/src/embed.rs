@@ -38,15 +38,28 @@ pub fn read_calibration(path: &Path) -> anyhow::Result<Calibration> {
     Ok(source::read_calibration(path)?)
 }
 
-/// Reads a JPEG or PNG file, as `nunetd infer` does: RGB `[H, W, 3]` with its width and height, upright.
+/// A decoded file.
+#[derive(Debug)]
+pub struct ReadImage {
+    /// RGB `[H, W, 3]`, upright.
+    pub rgb: Vec<u8>,
+    /// Width and height.
+    pub size: nunet_types::ImageSize,
+    /// A warning: it has 16 bits and uses only the lower ones.
+    pub dim: Option<source::DimImages>,
+}
+
+/// Reads a JPEG or PNG file, as `nunetd infer` does.
 ///
 /// # Errors
 /// No such file, neither JPEG nor PNG, damaged, cut off, or larger than the limits.
-pub fn read_image(path: &Path) -> anyhow::Result<(Vec<u8>, nunet_types::ImageSize)> {
+pub fn read_image(path: &Path) -> anyhow::Result<ReadImage> {
     let mut frame = Frame::default();
-    source::decode(path, &mut frame)
+    let decoded = source::decode(path, &mut frame)
         .with_context(|| format!("cannot read the image `{}`", path.display()))?;
-    Ok((frame.view()?.bytes().to_vec(), frame.size))
+    let place = format_args!("`{}`", path.display());
+    let dim = source::BitDepthCheck::default().find(|| decoded.maximum_16_bit, place);
+    Ok(ReadImage { rgb: frame.view()?.bytes().to_vec(), size: frame.size, dim })
 }
 
 /// The camera in the header of a message; `None` if it is unknown.

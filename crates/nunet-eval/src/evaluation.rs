@@ -207,7 +207,7 @@ impl Evaluation {
     }
 
     fn predict(&mut self, id: &str, on_event: OnEvent<'_>) -> Result<(Truth, Prediction), EvalError> {
-        self.dataset.image(id, &mut self.frame)?;
+        self.dataset.image(id, &mut self.frame, on_event)?;
         let mut truth = self.dataset.truth(id, Some(self.frame.size))?;
         if !self.is_clip {
             self.pipeline.forget();

@@ -1,6 +1,6 @@
 //! The events of an evaluation. The library prints nothing itself.
 
-use nunet_source::CameraNews;
+use nunet_source::{CameraNews, DimImages};
 
 /// Progress and problems of an evaluation.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,6 +46,8 @@ pub enum Event<'a> {
     },
     /// Something unusual that does not stop the evaluation.
     Warning(&'a str),
+    /// 16-bit images use only the lower bits.
+    DimImages(&'a DimImages),
     /// The camera is unknown, or the network does not see all of its images.
     Camera(CameraNews),
     /// Much of the true depth is not compared: its unit or the cap may be wrong.

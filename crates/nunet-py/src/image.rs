@@ -5,8 +5,7 @@ use std::path::PathBuf;
 
 use numpy::{Ix3, PyReadonlyArray3, PyUntypedArray, PyUntypedArrayMethods as _};
 use nunet_core::frame::{ImageView, PixelFormat};
-use nunet_daemon::embed;
-use nunet_types::ImageSize;
+use nunet_daemon::embed::{self, ReadImage};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::intern;
 use pyo3::prelude::*;
@@ -53,8 +52,8 @@ impl ColorOrder {
 pub(crate) enum ImageArgument<'py> {
     /// An array of the caller, or a contiguous copy of it.
     Array { pixels: PyReadonlyArray3<'py, u8>, order: ColorOrder },
-    /// A decoded file, RGB.
-    File { pixels: Vec<u8>, size: ImageSize },
+    /// A decoded file.
+    File(ReadImage),
 }
 
 impl<'py> ImageArgument<'py> {
@@ -78,8 +77,7 @@ impl<'py> ImageArgument<'py> {
 
     fn open(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let read = py.detach(move || embed::read_image(&path));
-        let (pixels, size) = read.map_err(|error| failure(&error))?;
-        Ok(Self::File { pixels, size })
+        read.map(Self::File).map_err(|error| failure(&error))
     }
 
     fn array(name: &str, object: &Bound<'py, PyAny>, order: ColorOrder) -> PyResult<Self> {
@@ -99,8 +97,8 @@ impl<'py> ImageArgument<'py> {
     /// `ValueError` for a side that is 0 or longer than the limit.
     pub(crate) fn view(&self) -> PyResult<ImageView<'_>> {
         let view = match self {
-            Self::File { pixels, size } => {
-                ImageView::packed(pixels, size.width, size.height, PixelFormat::Rgb8)
+            Self::File(ReadImage { rgb, size, .. }) => {
+                ImageView::packed(rgb, size.width, size.height, PixelFormat::Rgb8)
             }
             Self::Array { pixels, order } => {
                 let side = |axis: usize| u32::try_from(pixels.shape()[axis]).unwrap_or(u32::MAX);

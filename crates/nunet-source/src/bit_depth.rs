@@ -4,8 +4,10 @@
 //! `cv_bridge`, 65535 is white here, so such an image is almost black. It is not stretched by its own range,
 //! because that would change the brightness of the same wall from frame to frame.
 
+use std::borrow::Cow;
 use std::fmt;
 
+use nunet_types::Hint;
 use tracing::warn;
 
 #[cfg(feature = "mcap")]
@@ -19,6 +21,21 @@ const DIM: u16 = u16::MAX / 8;
 #[cfg(feature = "mcap")]
 const COLORS: usize = 3;
 
+/// 16-bit images that use only the lower bits: a warning with a hint.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("the 16-bit images of {place} are almost black: at most {maximum} of 65535")]
+pub struct DimImages {
+    /// The topic or file.
+    place: String,
+    maximum: u16,
+}
+
+impl Hint for DimImages {
+    fn hint(&self) -> Option<Cow<'static, str>> {
+        Some("scale the values to 16 bits before storing them: 10 bits by 64, 12 bits by 16".into())
+    }
+}
+
 /// Looks at the images of a source until one is not black.
 #[derive(Debug, Default)]
 pub struct BitDepthCheck {
@@ -26,13 +43,21 @@ pub struct BitDepthCheck {
 }
 
 impl BitDepthCheck {
-    /// Warns if the first image that is not black uses only the lower bits. `maximum` is the largest of its 16-bit
-    /// values, `None` for other images; `place` is the topic or file.
+    /// Logs the warning of [`find`](Self::find).
     pub fn check(&mut self, maximum: impl FnOnce() -> Option<u16>, place: fmt::Arguments<'_>) {
-        if let Some(maximum) = self.dim_maximum(maximum) {
-            let hint = "scale the values to 16 bits before storing them: 10 bits by 64, 12 bits by 16";
-            warn!(hint, "the 16-bit images of {place} are almost black: at most {maximum} of 65535");
+        if let Some(found) = self.find(maximum, place) {
+            warn!(hint = found.hint().as_deref(), "{found}");
         }
+    }
+
+    /// Whether the first image that is not black uses only the lower bits. `maximum` is the largest of its 16-bit
+    /// values, `None` for other images; `place` is the topic or file.
+    pub fn find(
+        &mut self,
+        maximum: impl FnOnce() -> Option<u16>,
+        place: fmt::Arguments<'_>,
+    ) -> Option<DimImages> {
+        self.dim_maximum(maximum).map(|maximum| DimImages { place: place.to_string(), maximum })
     }
 
     fn dim_maximum(&mut self, maximum: impl FnOnce() -> Option<u16>) -> Option<u16> {

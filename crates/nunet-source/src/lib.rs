@@ -56,7 +56,7 @@ mod source_type;
 #[cfg(feature = "v4l2")]
 mod v4l2;
 
-pub use bit_depth::BitDepthCheck;
+pub use bit_depth::{BitDepthCheck, DimImages};
 pub use camera_file::CameraFile;
 pub use camera_resolver::{CameraGeometry, CameraNews, CameraResolver, read_calibration};
 pub use camera_settings::{CameraSetting, CameraSettings};

@@ -27,6 +27,17 @@ def record(rows, columns):
     return packed["f1"]
 
 
+def test_a_file_of_ten_bits_in_sixteen_causes_one_warning(tmp_path):
+    tiny = model()
+    for name in ["a.png", "b.png"]:
+        Image.fromarray(np.full((96, 128), 1023, np.uint16)).save(tmp_path / name)
+    with pytest.warns(UserWarning, match="almost black: at most 1023 of 65535\nhint: scale the values"):
+        tiny.infer(tmp_path / "a.png")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)
+        tiny.infer(tmp_path / "b.png")
+
+
 STRIDED = {
     "upside down": lambda rgb: rgb[::-1],
     "mirrored": lambda rgb: rgb[:, ::-1],

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 
 use super::load::{load, tested_pipeline};
 use crate::Outcome;
-use crate::source::{Fill, Frame, OpenOptions, SourceName, decode};
+use crate::source::{BitDepthCheck, Fill, Frame, OpenOptions, SourceName, decode};
 use nunet_engine::Buffers;
 use nunet_sink::stdout::print;
 
@@ -63,8 +63,10 @@ pub(super) fn image_or_demo(image: Option<&Path>) -> anyhow::Result<Frame> {
     let mut frame = Frame::default();
     match image {
         Some(path) => {
-            decode(path, &mut frame)
+            let decoded = decode(path, &mut frame)
                 .with_context(|| format!("cannot read the image `{}`", path.display()))?;
+            let place = format_args!("`{}`", path.display());
+            BitDepthCheck::default().check(|| decoded.maximum_16_bit, place);
         }
         None => {
             let folders = nunet_engine::model_folders();

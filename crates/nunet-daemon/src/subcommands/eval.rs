@@ -8,6 +8,7 @@ use nunet_engine::{Engine, EngineOptions, find_model};
 use nunet_eval::{EvalError, EvalErrorKind, EvalOptions, Evaluator, Event, NOT_METERS, cap_for};
 use nunet_files::check_folder;
 use nunet_sink::file_plan::FilePlan;
+use nunet_types::Hint as _;
 use tracing::{error, info, warn};
 
 use super::load::{load, tested_pipeline};
@@ -100,6 +101,7 @@ fn log(problem: Event<'_>) {
             error!(hint, "skipped {count} images for the same reason: {reason}");
         }
         Event::Warning(text) => warn!("{text}"),
+        Event::DimImages(found) => warn!(hint = found.hint().as_deref(), "{found}"),
         Event::Camera(news) => warn_of_camera(&news),
         Event::JoinedByTime { by_time, by_name, apart_ms } => info!(
             "joined {by_time} images with depth by their time stamps (within {apart_ms} ms), {by_name} by equal names"
@@ -119,6 +121,7 @@ pub(super) fn with_flags(error: EvalError) -> anyhow::Error {
             return with_flags(*source).context("no image could be measured");
         }
         EvalError::OwnDepth { .. } => "pass --depth-topic TOPIC to compare the model with it anyway".into(),
+        EvalError::NoTopics { .. } => "remove --topic and --depth-topic: they are for recordings".into(),
         EvalError::NoPairs { .. } => "choose the topics: --topic and --depth-topic".into(),
         EvalError::UnknownUnit { .. } => "state the unit of the depth images: --depth-scale METERS".into(),
         EvalError::FixedUnit { .. } => {
@@ -137,7 +140,7 @@ pub(super) fn with_flags(error: EvalError) -> anyhow::Error {
 }
 
 /// The hint for true depth that is not compared because it is beyond the cap.
-fn depth_cap_hint(far_m: f32, is_meters: bool) -> String {
+pub(super) fn depth_cap_hint(far_m: f32, is_meters: bool) -> String {
     match cap_for(far_m) {
         Some(cap_m) => format!("compare up to a larger distance: --depth-cap {cap_m}"),
         None if is_meters => NOT_METERS.to_owned(),

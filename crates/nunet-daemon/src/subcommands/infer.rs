@@ -181,6 +181,7 @@ struct Work {
     camera: CameraResolver,
     model: ModelName,
     frame: Frame,
+    bit_depth: BitDepthCheck,
     buffers: Buffers,
     obstacles: Option<ObstacleStage>,
 }
@@ -189,7 +190,8 @@ impl Work {
     fn new(pipeline: Pipeline, camera: CameraResolver, model: ModelName) -> Self {
         let (buffers, frame) = (Buffers::new(&pipeline), Frame::default());
         let rotator = camera.rotation().map(Rotator::new);
-        Self { buffers, pipeline, rotator, camera, model, frame, obstacles: None }
+        let bit_depth = BitDepthCheck::default();
+        Self { buffers, pipeline, rotator, camera, model, frame, bit_depth, obstacles: None }
     }
 
     fn infer(&mut self, image: &Path, folder: &Path) -> anyhow::Result<()> {
@@ -201,7 +203,7 @@ impl Work {
                 Ok(decoded.maximum_16_bit)
             })
             .map_err(|error| unreadable(error.into(), image))?;
-        BitDepthCheck::default().check(|| maximum, format_args!("`{}`", image.display()));
+        self.bit_depth.check(|| maximum, format_args!("`{}`", image.display()));
         let ready_nanos = MonotonicClock.nanos();
         warn_of_camera(&self.camera.update(&self.frame, &mut self.pipeline)?);
         // The images are independent.

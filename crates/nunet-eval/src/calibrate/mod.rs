@@ -15,13 +15,13 @@ use nunet_core::camera::{Camera, RayTable, check_scale_factor};
 use nunet_core::obstacle::{DepthImage, Mount};
 use nunet_core::pipeline::{Outputs, Pipeline};
 use nunet_core::scale::FloorGauge;
-use nunet_source::{CameraNews, CameraResolver, Frame, Rotator, decode};
+use nunet_source::{BitDepthCheck, CameraNews, CameraResolver, Frame, Rotator, decode};
 use nunet_types::{ImageSize, text_with_causes};
 
 use self::agreement::{Observation, least_relative_error};
 use self::readings::Reading;
 use crate::comparison::TruthRange;
-use crate::dataset::{Dataset, refuse_own_depth};
+use crate::dataset::{Dataset, refuse_own_depth, report_dim};
 use crate::error::{EvalError, hint_of_chain};
 use crate::event::{Event, OnEvent};
 use crate::fit::Fit;
@@ -162,15 +162,17 @@ impl Calibrator {
         on_event(Event::Started { what: "images", count: by_image.len() as u64 });
         let mut frame = Frame::default();
         let mut rotator = self.resolver.rotation().map(Rotator::new);
+        let mut bit_depth = BitDepthCheck::default();
         for (image, readings) in by_image {
-            let line = readings.first().map_or(0, |reading| reading.line);
-            let rotated = decode(&image, &mut frame)
-                .and_then(|_| rotator.as_mut().map_or(Ok(()), |rotator| rotator.rotate(&mut frame)));
-            rotated.map_err(|source| CalibrateError::ImageOfReading {
+            let (line, name) = (readings.first().map_or(0, |reading| reading.line), ImageName::from(&*image));
+            let decoded = decode(&image, &mut frame).and_then(|decoded| {
+                report_dim(&mut bit_depth, &decoded, &name, on_event);
+                rotator.as_mut().map_or(Ok(()), |rotator| rotator.rotate(&mut frame))
+            });
+            decoded.map_err(|source| CalibrateError::ImageOfReading {
                 table: path.to_owned(),
                 line,
-                source: EvalError::ReadImage { image: ImageName::from(image.as_path()).into(), source }
-                    .into(),
+                source: EvalError::ReadImage { image: name.into(), source }.into(),
             })?;
             self.predict_and_report(&frame, on_event)?;
             for reading in readings {
@@ -200,11 +202,12 @@ impl Calibrator {
         on_event: &mut dyn FnMut(Event<'_>),
     ) -> Result<(), CalibrateError> {
         refuse_own_depth(options)?;
-        let dataset = Dataset::open(options, &self.pipeline.graph().description().classes, on_event)?;
+        let mut dataset = Dataset::open(options, &self.pipeline.graph().description().classes, on_event)?;
         on_event(Event::Started { what: "images", count: dataset.ids.len() as u64 });
         let (mut frame, mut range) = (Frame::default(), TruthRange::default());
-        for id in &dataset.ids {
-            let read = dataset.image(id, &mut frame).and_then(|()| dataset.truth(id, Some(frame.size)));
+        for id in &dataset.ids.clone() {
+            let image = dataset.image(id, &mut frame, on_event);
+            let read = image.and_then(|()| dataset.truth(id, Some(frame.size)));
             match read {
                 Ok(truth) => {
                     range.is_meters |= truth.is_meters;

@@ -15,7 +15,8 @@ use std::path::{Path, PathBuf};
 use nunet_core::camera::Camera;
 use nunet_core::plain_file;
 use nunet_source::{
-    CameraFile, Frame, IMAGE_EXTENSIONS, Rotation, Rotator, SourceError, decode, decode_numbers,
+    BitDepthCheck, CameraFile, DecodedFile, Frame, IMAGE_EXTENSIONS, Rotation, Rotator, SourceError, decode,
+    decode_numbers,
 };
 use nunet_types::{ImageSize, PixelRect};
 use tempfile::TempDir;
@@ -58,6 +59,7 @@ pub(crate) struct Dataset {
     camera: Option<Camera>,
     /// The cameras of single images, if the dataset states them.
     cameras: BTreeMap<String, Camera>,
+    bit_depth: BitDepthCheck,
     /// A recording's images as files, which are removed at the end, and its topics.
     unpacked: Option<(TempDir, Topics)>,
     /// The number of a recording's images without depth.
@@ -102,6 +104,9 @@ impl Dataset {
         on_event: OnEvent<'_>,
     ) -> Result<Self, EvalError> {
         if !is_recording(&options.dataset) {
+            if let Some(topic) = options.topic.as_ref().or(options.depth_topic.as_ref()) {
+                return Err(EvalError::NoTopics { path: options.dataset.clone(), topic: topic.clone() });
+            }
             return Self::open_folder(options.dataset.clone(), options, classes, on_event);
         }
         let Unpacked { folder, camera, topics, unpaired } = unpack(options, on_event)?;
@@ -141,6 +146,7 @@ impl Dataset {
             units: options.units,
             window: options.window,
             rotation: options.camera.rotation,
+            bit_depth: BitDepthCheck::default(),
             unpacked: None,
             unpaired: 0,
             root,
@@ -155,14 +161,23 @@ impl Dataset {
     }
 
     /// Reads an image.
-    pub(crate) fn image(&self, id: &str, frame: &mut Frame) -> Result<(), EvalError> {
+    pub(crate) fn image(
+        &mut self,
+        id: &str,
+        frame: &mut Frame,
+        on_event: OnEvent<'_>,
+    ) -> Result<(), EvalError> {
         let path = self.path("rgb", id, &IMAGE_EXTENSIONS);
         self.check_joined("rgb", id, &path)?;
         frame.camera = self.cameras.get(id).copied().or(self.camera);
-        let decoded = decode(&path, frame).and_then(|_| refuse_turned(frame));
-        let decoded =
-            decoded.and_then(|()| self.rotation.map_or(Ok(()), |to| Rotator::new(to).rotate(frame)));
-        decoded.map_err(|source| EvalError::ReadImage { image: self.name("rgb", id, &path).into(), source })
+        let name = self.name("rgb", id, &path);
+        let decoded = decode(&path, frame).and_then(|decoded| refuse_turned(frame).map(|()| decoded));
+        match decoded {
+            Ok(decoded) => report_dim(&mut self.bit_depth, &decoded, &name, on_event),
+            Err(source) => return Err(EvalError::ReadImage { image: name.into(), source }),
+        }
+        let rotated = self.rotation.map_or(Ok(()), |to| Rotator::new(to).rotate(frame));
+        rotated.map_err(|source| EvalError::ReadImage { image: name.into(), source })
     }
 
     /// Reads the truth of an image, which must have the size `image` if that is given.
@@ -239,6 +254,17 @@ impl Dataset {
             }
         }
     }
+}
+
+/// Reports the first image of 16 bits that uses only the lower ones.
+pub(crate) fn report_dim(
+    check: &mut BitDepthCheck,
+    decoded: &DecodedFile,
+    image: &ImageName,
+    on_event: OnEvent<'_>,
+) {
+    let found = check.find(|| decoded.maximum_16_bit, format_args!("{image}"));
+    found.iter().for_each(|found| on_event(Event::DimImages(found)));
 }
 
 /// Refuses an image that was rotated by EXIF, because its depth was not rotated.
@@ -333,7 +359,7 @@ mod tests {
             Event::Warning(text) => warnings.push(text.to_owned()),
             _ => {}
         });
-        let dataset = dataset.unwrap();
+        let mut dataset = dataset.unwrap();
         assert_eq!(
             (&dataset.ids[..], joined),
             (&["1.5", "2.0", "3.0", "3.021"].map(str::to_owned)[..], vec![(1, 1, 20)])
@@ -342,7 +368,7 @@ mod tests {
         assert_eq!(warnings, [expected]);
         let error = dataset.truth("3.0", None).unwrap_err();
         assert_eq!(error.to_string(), "`depth/` has no file that is named `3.0` or within 20 ms of it");
-        let error = dataset.image("3.021", &mut Frame::default()).unwrap_err();
+        let error = dataset.image("3.021", &mut Frame::default(), &mut |_| {}).unwrap_err();
         assert!(matches!(error, EvalError::NoPartner { folder: "rgb", .. }), "{error}");
     }
 
@@ -374,8 +400,8 @@ mod tests {
         image::ImageBuffer::<image::Luma<u16>, _>::new(8, 8).save(root.path().join("depth/a.png")).unwrap();
         let plain = std::fs::read(&path).unwrap();
         let read = || {
-            let dataset = Dataset::open(&EvalOptions::new(root.path()), &[], &mut |_| {}).unwrap();
-            dataset.image("a", &mut Frame::default())
+            let mut dataset = Dataset::open(&EvalOptions::new(root.path()), &[], &mut |_| {}).unwrap();
+            dataset.image("a", &mut Frame::default(), &mut |_| {})
         };
         for orientation in 1..=8 {
             let exif = [

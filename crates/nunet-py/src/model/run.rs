@@ -64,6 +64,7 @@ impl PyModel {
             Ok((is_used, inferred?))
         })?;
         let (is_used, inferred) = inferred.map_err(|error: EngineError| failure(&error.into()))?;
+        self.warnings.issue_of_image(py, image)?;
         self.warn_of_factor(py, is_used)?;
         self.warn_of_guesses(py, &inferred)?;
         Result::of_image(py, inferred, self.shared())

@@ -4,9 +4,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use nunet_core::depth::ScaleSource;
 use nunet_core::framing::Framing;
+use nunet_types::Hint as _;
 use pyo3::prelude::*;
 
 use crate::error::warn_with_hint;
+use crate::image::ImageArgument;
 
 /// Which warnings were issued.
 #[derive(Default)]
@@ -14,6 +16,7 @@ pub(super) struct Warnings {
     no_camera: AtomicBool,
     aspect: AtomicBool,
     factor: AtomicBool,
+    dim: AtomicBool,
 }
 
 impl Warnings {
@@ -30,6 +33,17 @@ impl Warnings {
             warn_with_hint(py, &notice, "pass `Model(..., aspect=\"letterbox\")` to see the whole image")?;
         }
         Ok(())
+    }
+
+    /// Warns of a file of 16 bits that uses only the lower ones.
+    pub(super) fn issue_of_image(&self, py: Python<'_>, image: &ImageArgument<'_>) -> PyResult<()> {
+        let ImageArgument::File(file) = image else { return Ok(()) };
+        match &file.dim {
+            Some(dim) if first(&self.dim) => {
+                warn_with_hint(py, &dim.to_string(), &dim.hint().unwrap_or_default())
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Warns about a factor that is ignored because it was measured with another model.
