@@ -6,7 +6,7 @@ use std::process::Command;
 use nunet_testkit::models;
 use nunet_testkit::onnx::{ModelBuilder, OnnxElement};
 
-use crate::support::{Bench, SIZE, calibration, camera, nunetd, run, text};
+use crate::support::{Bench, SIZE, calibration, camera, nunetd, run, run_well, text};
 
 /// Exit code and stderr, with the places of this run replaced.
 fn outcome(bench: &Bench, command: Command) -> String {
@@ -517,4 +517,56 @@ fn crc32(bytes: &[u8]) -> u32 {
             |crc, _| if crc & 1 == 1 { 0xedb8_8320 ^ (crc >> 1) } else { crc >> 1 },
         )
     })
+}
+
+#[test]
+fn sixteen_bit_images_that_use_only_the_lower_bits_are_reported_once_by_every_subcommand() {
+    let bench = Bench::new();
+    for folder in ["data/rgb", "data/depth"] {
+        std::fs::create_dir_all(bench.path(folder)).unwrap();
+    }
+    let mut table = "image,u,v,distance\n".to_owned();
+    for name in ["a", "b", "c"] {
+        let dim =
+            image::ImageBuffer::from_fn(SIZE.0, SIZE.1, |x, _| image::Rgb([(x % 1000) as u16, 1023, 500]));
+        dim.save(bench.path(&format!("data/rgb/{name}.png"))).unwrap();
+        let depth = image::ImageBuffer::from_pixel(SIZE.0, SIZE.1, image::Luma([2000_u16]));
+        depth.save(bench.path(&format!("data/depth/{name}.png"))).unwrap();
+        table += &format!("data/rgb/{name}.png,320,240,2\n");
+    }
+    std::fs::write(bench.path("pairs.csv"), table).unwrap();
+    let (data, rgb, pairs) = (bench.arg("data"), bench.arg("data/rgb"), bench.arg("pairs.csv"));
+    let (image, out, name) = (bench.arg("data/rgb/a.png"), bench.arg("out"), camera("dim"));
+    for subcommand in [
+        &["run", "--source", &rgb, "--camera", &name][..],
+        &["infer", &rgb, "--out", &out],
+        &["eval", &data],
+        &["calibrate", "--truth", &data],
+        &["calibrate", "--pairs", &pairs],
+        &["calibrate", "--source", &rgb, "--distance", "2"],
+        &["bench", "--image", &image, "--runs", "1"],
+    ] {
+        let output = run_well(nunetd(&[subcommand, &["--model", &bench.arg("model.onnx")]].concat()));
+        let stderr = text(&output.stderr);
+        let found = stderr.matches("are almost black: at most 1023 of 65535").count();
+        assert_eq!(found, 1, "{subcommand:?}: {stderr}");
+        assert!(stderr.contains("scale the values to 16 bits"), "{subcommand:?}: {stderr}");
+    }
+}
+
+#[test]
+fn a_mount_that_nothing_uses_is_refused() {
+    let bench = Bench::new();
+    bench.add_image("a.png", 1);
+    let (image, out, model) = (bench.arg("a.png"), bench.arg("out"), bench.arg("model.onnx"));
+    for subcommand in [&["infer", &image, "--out", &out][..], &["eval", "data"]] {
+        let rest = ["--mount", "0,0,0.5,0,0,0", "--model", &model];
+        let output = run(nunetd(&[&["-q"], subcommand, &rest].concat()));
+        let stderr = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{stderr}");
+        assert!(
+            stderr.starts_with("error: --mount has no effect") && stderr.contains("hint: add --obstacles"),
+            "{stderr}"
+        );
+    }
 }

@@ -148,6 +148,21 @@ fn true_depth_gives_a_factor() {
 }
 
 #[test]
+fn true_depth_is_compared_up_to_the_cap() {
+    let (bench, depth_m) = bench_with_images();
+    let far = (FACTOR * depth_m) as f32;
+    let frames = [1, 2, 3].map(|seconds| (seconds, Some([90, 120, 60]), far));
+    bench.add_recording("far.mcap", &frames, SIZE);
+    let truth = bench.arg("far.mcap");
+    assert_factor(&calibrate(&bench, &["--truth", &truth, "--depth-cap", &(far + 0.1).to_string()]), 3);
+    let (code, stderr) = refused(&bench, &["--truth", &truth, "--depth-cap", &(far - 0.1).to_string()]);
+    assert!(
+        code == Some(1) && stderr.contains("hint: compare up to a larger distance: --depth-cap"),
+        "{stderr}"
+    );
+}
+
+#[test]
 fn true_depth_in_meters_has_no_other_unit_and_is_no_millimeters() {
     let (bench, depth_m) = bench_with_images();
     let recording = |name: &str, depth: f64| {
@@ -165,7 +180,7 @@ fn true_depth_in_meters_has_no_other_unit_and_is_no_millimeters() {
     assert!(
         code == Some(1)
             && stderr.contains(
-                "the true depth is 70 to 70 m, expected some below 10 m\nhint: use images of something nearer"
+                "the true depth is 70 to 70 m, expected some below 10 m\nhint: compare up to a larger distance: --depth-cap 71"
             ),
         "{stderr}"
     );
@@ -188,6 +203,14 @@ fn what_cannot_give_a_factor_is_refused() {
         (&["--pairs", "none.csv"], 2, "none.csv"),
         (&["--pairs", "/dev/zero"], 2, "`/dev/zero`: it is not a regular file"),
         (&["--truth", "none"], 2, "none"),
+        (&["--pairs", "none.csv", "--depth-scale", "0.001"], 2, "cannot be used with"),
+        (&["--pairs", "none.csv", "--frames", "3"], 2, "cannot be used with"),
+        (&["--pairs", "none.csv", "--topic", "/a"], 2, "cannot be used with"),
+        (&["--truth", "none", "--loop"], 2, "cannot be used with"),
+        (&["--source", &images, "--distance", "2", "--depth-cap", "20"], 2, "cannot be used with"),
+        (&["--source", &images, "--mount", "0,0,0.5,0,0,0", "--depth-offset", "1"], 2, "cannot be used with"),
+        (&["--truth", &images, "--topic", "/a"], 2, "hint: remove --topic and --depth-topic"),
+        (&["--truth", "none", "--depth-cap", "0"], 2, "expected meters above 0"),
     ] {
         let (got, stderr) = refused(&bench, rest);
         assert!(got == Some(code) && stderr.contains(words), "{rest:?}: {got:?} {stderr}");

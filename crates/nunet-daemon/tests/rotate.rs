@@ -1,7 +1,9 @@
 //! `--rotate`: a camera that is mounted turned gives the results of one that is mounted upright.
 
 use image::imageops::{rotate90, rotate180, rotate270};
+use image::{ImageBuffer, Luma, Pixel};
 use nunet_ipc::{CameraName, FrameSet, Reader, Topic};
+use nunet_testkit::models;
 use serde_json::Value;
 
 use crate::support::{Bench, Guarded, SIZE, TIMEOUT, camera, nunetd, run, run_well, text, wait_for};
@@ -17,16 +19,64 @@ const STORED: [(&str, &str); 3] = [
     ("270", "520,518,228.75,330.5@480x640"),
 ];
 
+/// An upright image as a camera that is turned by the angle stores it.
+fn stored<P: Pixel + 'static>(
+    angle: &str,
+    upright: &ImageBuffer<P, Vec<P::Subpixel>>,
+) -> ImageBuffer<P, Vec<P::Subpixel>> {
+    match angle {
+        "90" => rotate270(upright),
+        "180" => rotate180(upright),
+        "270" => rotate90(upright),
+        _ => upright.clone(),
+    }
+}
+
 /// An upright image, and the same as the three cameras store it, in a folder each.
 fn add_images(bench: &Bench) {
     bench.add_image("upright/a.png", 7);
     let upright = image::open(bench.path("upright/a.png")).unwrap().into_rgb8();
-    for (angle, stored) in
-        [("90", rotate270(&upright)), ("180", rotate180(&upright)), ("270", rotate90(&upright))]
-    {
+    for (angle, _) in STORED {
         std::fs::create_dir(bench.path(angle)).unwrap();
-        stored.save(bench.path(angle).join("a.png")).unwrap();
+        stored(angle, &upright).save(bench.path(angle).join("a.png")).unwrap();
     }
+}
+
+/// Three upright images with true depth and labels, and the same as the three cameras store them, in a folder each.
+/// The truth is wrong on the left and at the bottom, so that a rotated error is another one.
+fn add_datasets(bench: &Bench) {
+    for (name, frame) in [("a", 1), ("b", 20), ("c", 40)] {
+        bench.add_image("image.png", frame);
+        let mut rgb = image::open(bench.path("image.png")).unwrap().into_rgb8();
+        rgb.iter_mut().for_each(|value| *value /= 4);
+        let error = |x: u32, y: u32| if x < SIZE.0 / 5 || y > SIZE.1 / 2 { 1.25 } else { 1.0 };
+        let depth = ImageBuffer::from_fn(SIZE.0, SIZE.1, |x, y| {
+            let depth_m = models::connected_depth(rgb.get_pixel(x, y).0) * error(x, y);
+            Luma([(1000.0 * depth_m).round() as u16])
+        });
+        let labels = image::GrayImage::from_fn(SIZE.0, SIZE.1, |x, y| {
+            Luma([if x < 100 { 1 } else { models::label(rgb.get_pixel(x, y).0) }])
+        });
+        for angle in ["upright", "90", "180", "270"] {
+            let file = |folder: &str| {
+                let folder = bench.path(angle).join(folder);
+                std::fs::create_dir_all(&folder).unwrap();
+                folder.join(format!("{name}.png"))
+            };
+            stored(angle, &rgb).save(file("rgb")).unwrap();
+            stored(angle, &depth).save(file("depth")).unwrap();
+            stored(angle, &labels).save(file("labels")).unwrap();
+        }
+    }
+}
+
+/// The JSON that a subcommand prints, without the name of the dataset.
+fn json_of(bench: &Bench, arguments: &[&str]) -> Value {
+    let mut command = nunetd(&["-q"]);
+    command.args(arguments).args(["--json", "--model", &bench.arg("model.onnx")]);
+    let mut printed: Value = serde_json::from_slice(&run_well(command).stdout).unwrap();
+    printed.as_object_mut().unwrap().remove("dataset");
+    printed
 }
 
 fn hash_of_replay(bench: &Bench, recording: &str, how: &[&str]) -> (Value, Value) {
@@ -79,6 +129,41 @@ fn a_recording_holds_rotated_images_and_one_of_turned_images_is_rotated_in_a_rep
         let how = ["--rotate", angle];
         assert_eq!(hash_of_replay(&bench, &format!("{angle}.mcap"), &how), expected, "{angle}");
     }
+}
+
+#[test]
+fn eval_and_calibrate_measure_the_same_as_with_a_camera_that_is_mounted_upright() {
+    let bench = Bench::new();
+    add_datasets(&bench);
+    // Pixels of readings and of a tape measure are those of the upright image.
+    let table = |folder: &str| {
+        let rows = [("a", 100, 50), ("b", 400, 300), ("c", 600, 100)]
+            .map(|(name, u, v)| format!("{folder}/rgb/{name}.png,{u},{v},2.5\n"));
+        let file = bench.path(&format!("{folder}.csv"));
+        std::fs::write(&file, format!("image,u,v,distance\n{}", rows.concat())).unwrap();
+        file.to_str().unwrap().to_owned()
+    };
+    let measure = |folder: &str, how: &[&str]| {
+        let (data, rgb, table) = (bench.arg(folder), bench.arg(&format!("{folder}/rgb")), table(folder));
+        let distance = ["calibrate", "--source", &rgb, "--distance", "2.5", "--at", "500,100"];
+        [
+            &["eval", &data, "--depth-cap", "20"][..],
+            &["calibrate", "--truth", &data, "--depth-cap", "20"],
+            &["calibrate", "--pairs", &table],
+            &distance,
+        ]
+        .map(|subcommand| json_of(&bench, &[subcommand, how].concat()))
+    };
+    let expected = measure("upright", &["--intrinsics", UPRIGHT]);
+    assert!(expected[0]["metrics"]["abs_rel"].as_f64().unwrap() > 0.01, "{}", expected[0]);
+    for (angle, intrinsics) in STORED {
+        let found = measure(angle, &["--rotate", angle, "--intrinsics", intrinsics]);
+        for (found, expected) in found.iter().zip(&expected) {
+            assert_eq!(found, expected, "{angle}");
+        }
+    }
+    let unrotated = measure("180", &["--intrinsics", STORED[1].1]);
+    assert_ne!(unrotated[2], expected[2], "the readings are of other pixels");
 }
 
 fn next_set(name: &str) -> FrameSet {

@@ -8,12 +8,18 @@ use nunet_core::pipeline::PipelineOptions;
 use nunet_core::scale::ScaleMode;
 use nunet_eval::{DepthUnits, EvalOptions, Point, Reference, Window};
 
+use super::eval::parse_meters;
 use super::text::{Text, value};
 use super::{DEFAULT_MODEL, DepthUnitArgs, EngineArgs, GeometryArgs, SourceArgs};
 use crate::config::MountOption;
 use crate::exit::BadArguments;
 use crate::source::SourceName;
 use crate::subcommands::calibrate::{CalibrateOptions, Evidence};
+
+/// Flags that have an effect with `--truth` only.
+const TRUTH_FLAGS: [&str; 3] = ["depth_cap", "depth_scale", "depth_offset"];
+/// Flags that have an effect with `--source` only.
+const SOURCE_FLAGS: [&str; 7] = ["rate", "repeat", "size", "format", "exposure", "gain", "frames"];
 
 /// `nunetd calibrate`
 #[derive(Debug, Args, Clone)]
@@ -24,21 +30,23 @@ pub struct CalibrateArgs {
     #[arg(long, value_name = "SOURCE", conflicts_with_all = ["pairs", "truth"])]
     pub source: Option<String>,
     /// The reference is a distance: from the camera straight to the point of --at, meters
-    #[arg(long, value_name = "M", requires = "source")]
+    #[arg(long, value_name = "M", requires = "source", conflicts_with_all = TRUTH_FLAGS)]
     pub distance: Option<f64>,
     /// With --distance, the point in the image: column and row, pixels [default: the center]
     #[arg(long, value_name = "u,v", requires = "distance", allow_hyphen_values = true)]
     pub at: Option<Text<PixelArg>>,
     /// The reference is a range sensor: a CSV table with the columns `image` (a file, relative to the table), `u`, `v`
     /// (pixels) and `distance` (meters, straight to the point)
-    #[arg(long, value_name = "FILE.csv")]
+    #[arg(long, value_name = "FILE.csv", conflicts_with_all = TRUTH_FLAGS, conflicts_with_all = SOURCE_FLAGS)]
+    #[arg(conflicts_with = "topic")]
     pub pairs: Option<PathBuf>,
     /// The reference is images with true depth: a folder or a recording, as for `nunetd eval`
-    #[arg(long, value_name = "DATASET")]
+    #[arg(long, value_name = "DATASET", conflicts_with_all = SOURCE_FLAGS)]
     pub truth: Option<PathBuf>,
     /// The reference is the floor: the pose of the camera in the base frame of the robot, meters and radians; z is the
     /// height above the floor
     #[arg(long, value_name = "x,y,z,roll,pitch,yaw", allow_hyphen_values = true, requires = "source")]
+    #[arg(conflicts_with_all = TRUTH_FLAGS)]
     pub mount: Option<Text<MountOption>>,
     #[command(flatten)]
     pub pace: SourceArgs,
@@ -53,6 +61,9 @@ pub struct CalibrateArgs {
     /// With --truth, the images to use: a file with one id per line [default: all]
     #[arg(long, value_name = "FILE", requires = "truth")]
     pub ids: Option<PathBuf>,
+    /// With --truth, ignore true depth of this value or more [default: 10]
+    #[arg(long, value_name = "METERS", value_parser = parse_meters)]
+    pub depth_cap: Option<f64>,
     #[command(flatten)]
     pub units: DepthUnitArgs,
     /// With --truth, the part of the images that has true depth
@@ -129,14 +140,16 @@ impl CalibrateArgs {
     }
 
     fn truth(&self, dataset: &std::path::Path) -> EvalOptions {
+        let usual = EvalOptions::new(dataset);
         EvalOptions {
+            depth_cap_m: self.depth_cap.map_or(usual.depth_cap_m, |cap| cap as f32),
             topic: self.pace.topic.clone(),
             depth_topic: self.depth_topic.clone(),
             ids: self.ids.clone(),
             units: DepthUnits { scale: self.units.depth_scale, offset: self.units.depth_offset },
             window: self.window,
             camera: self.geometry.options(),
-            ..EvalOptions::new(dataset)
+            ..usual
         }
     }
 }

@@ -95,6 +95,7 @@ impl EvalArgs {
     pub(crate) fn options(&self) -> Result<eval::EvalCommandOptions, BadArguments> {
         let ProcessingConfig { geometry, pipeline } =
             self.lens.config(&self.filters, value(&self.obstacles.mount))?;
+        self.obstacles.check_mount(&pipeline)?;
         let obstacles = self.obstacle_eval(pipeline.max_range_m)?;
         Ok(eval::EvalCommandOptions {
             evaluation: EvalOptions { obstacles, ..self.evaluation(geometry) },
@@ -108,7 +109,7 @@ impl EvalArgs {
 
     /// How obstacles are found; `None` if they are not compared.
     fn obstacle_eval(&self, max_range_m: Option<f32>) -> Result<Option<ObstacleEval>, BadArguments> {
-        if !self.obstacles.obstacles {
+        if !self.obstacles.are_wanted() {
             return Ok(None);
         }
         let options = self.obstacles.options.options(max_range_m);
@@ -144,7 +145,7 @@ impl EvalArgs {
     }
 }
 
-fn parse_meters(text: &str) -> Result<f64, String> {
+pub(super) fn parse_meters(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(scale) if scale > 0.0 && f64::is_finite(scale) => Ok(scale),
         _ => Err(format!("expected meters above 0, such as 0.001, got `{text}`")),

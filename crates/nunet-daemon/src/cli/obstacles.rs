@@ -2,6 +2,8 @@
 
 use clap::Args;
 use nunet_core::obstacle::ObstacleOptions;
+use nunet_core::pipeline::PipelineOptions;
+use nunet_core::scale::ScaleMode;
 use nunet_types::Hint as _;
 use serde::Deserialize;
 use tracing::warn;
@@ -43,6 +45,26 @@ pub struct ImageObstacleArgs {
     pub mount: Option<Text<MountOption>>,
     #[command(flatten)]
     pub options: ObstacleArgs,
+}
+
+impl ImageObstacleArgs {
+    /// Whether obstacles are asked for, by their own flag or by one about them.
+    pub(super) fn are_wanted(&self) -> bool {
+        self.obstacles || self.options.is_given()
+    }
+
+    /// Refuses a mount that nothing uses.
+    ///
+    /// # Errors
+    /// Neither obstacles nor the scale need the mount that is given.
+    pub(super) fn check_mount(&self, pipeline: &PipelineOptions) -> Result<(), BadArguments> {
+        let is_used = self.are_wanted() || matches!(pipeline.scale, ScaleMode::Floor(_));
+        if is_used || self.mount.is_none() {
+            return Ok(());
+        }
+        let message = "--mount has no effect: it is for obstacles, and for the scale from the floor";
+        Err(BadArguments::new(message).with_hint("add --obstacles or --scale floor, or remove --mount"))
+    }
 }
 
 impl ObstacleArgs {

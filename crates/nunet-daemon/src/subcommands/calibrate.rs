@@ -12,11 +12,11 @@ use nunet_sink::file_plan::{FilePlan, place};
 use serde_json::json;
 use tracing::{info, warn};
 
-use super::eval::{Printer, with_flags};
+use super::eval::{Printer, depth_cap_hint, with_flags};
 use super::load::{load, tested_pipeline};
 use crate::Outcome;
 use crate::config::SourceConfig;
-use crate::exit::{BadArguments, warn_of_camera};
+use crate::exit::{BadArguments, WithHint, warn_of_camera};
 use crate::sink::recording::refuse_output;
 use crate::source::{CameraGeometry, CameraResolver, Frame, OpenOptions, Rotation};
 use crate::stream::{FrameHandler, Pace, Stop, drive};
@@ -107,6 +107,9 @@ fn check_files(options: &CalibrateOptions) -> anyhow::Result<()> {
 fn explained(error: CalibrateError) -> anyhow::Error {
     match error {
         CalibrateError::Dataset(error) => with_flags(error),
+        CalibrateError::TruthTooFar { far_m, is_meters, .. } => {
+            WithHint::new(error.to_string(), depth_cap_hint(far_m, is_meters)).into()
+        }
         error => error.into(),
     }
 }

@@ -11,7 +11,7 @@ use nunet_source::{SourceError, SourceErrorKind};
 use nunet_types::{Hint, ImageSize, PixelRect};
 
 use crate::error::{EvalError, EvalErrorKind};
-use crate::far_truth::{NOT_METERS, cap_for};
+use crate::far_truth;
 
 /// Why no factor was found.
 #[derive(Debug, thiserror::Error)]
@@ -175,11 +175,7 @@ impl Hint for CalibrateError {
             .into(),
             // The cause has a hint.
             Self::Calibration { .. } | Self::ImageOfReading { .. } => return None,
-            Self::TruthTooFar { far_m, is_meters, .. } => match (cap_for(*far_m), is_meters) {
-                (Some(_), _) => "use images of something nearer".into(),
-                (None, true) => NOT_METERS.into(),
-                (None, false) => "check the unit of the depth images".into(),
-            },
+            Self::TruthTooFar { far_m, is_meters, .. } => far_truth::hint(*far_m, *is_meters),
             Self::Factor(_) => "check the unit: distances are in meters".into(),
             Self::Distance { .. } => "measure from the camera straight to the point, in meters".into(),
             // Transparent: these are not in the chain of causes themselves.
