@@ -209,7 +209,7 @@ fn what_cannot_give_a_factor_is_refused() {
         (&["--truth", "none", "--loop"], 2, "cannot be used with"),
         (&["--source", &images, "--distance", "2", "--depth-cap", "20"], 2, "cannot be used with"),
         (&["--source", &images, "--mount", "0,0,0.5,0,0,0", "--depth-offset", "1"], 2, "cannot be used with"),
-        (&["--truth", &images, "--topic", "/a"], 2, "hint: remove --topic and --depth-topic"),
+        (&["--truth", &images, "--topic", "/a"], 2, "hint: name topics only for recordings"),
         (&["--truth", "none", "--depth-cap", "0"], 2, "expected meters above 0"),
     ] {
         let (got, stderr) = refused(&bench, rest);

@@ -54,14 +54,6 @@ pub enum EvalError {
         /// The largest difference of time stamps.
         apart_ms: u64,
     },
-    /// A folder of images, of which a topic is named.
-    #[error("`{}` is a folder of images, which has no topic `{topic}`", path.display())]
-    NoTopics {
-        /// The folder.
-        path: PathBuf,
-        /// The topic.
-        topic: String,
-    },
     /// A list of ids that cannot be used.
     #[error("{0}")]
     Ids(String),
@@ -247,7 +239,6 @@ impl EvalError {
             Self::NotADataset { .. }
             | Self::NoImages { .. }
             | Self::OwnDepth { .. }
-            | Self::NoTopics { .. }
             | Self::Ids(_)
             | Self::FixedUnit { .. }
             | Self::NoMount { .. }
@@ -307,7 +298,6 @@ impl Hint for EvalError {
             }
             Self::OwnDepth { .. } => "name the topic of the depth to compare the model with it anyway".into(),
             Self::NoPairs { .. } => "name the topics of the images and of the depth".into(),
-            Self::NoTopics { .. } => "name topics only for recordings".into(),
             Self::NotAMeanImage { .. } => {
                 "pass float32 (H, W), in meters, such as the `mean_image.npy` of another evaluation".into()
             }

@@ -145,6 +145,13 @@ pub fn screen_of(
     }
     text +=
         &row_of("total", [stats.total_p50_us, stats.total_p90_us, stats.total_p99_us, stats.total_max_us]);
+    text += &text_beside_depth(beside)?;
+    Ok(text)
+}
+
+/// Confidence and obstacles, if they are read.
+fn text_beside_depth(beside: &BesideDepth) -> anyhow::Result<String> {
+    let mut text = String::new();
     if let Some(confidence) = &beside.confidence {
         text += &confidence_of(confidence.confidence()?, confidence.header().width as usize);
     }

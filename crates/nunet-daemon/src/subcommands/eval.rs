@@ -121,7 +121,6 @@ pub(super) fn with_flags(error: EvalError) -> anyhow::Error {
             return with_flags(*source).context("no image could be measured");
         }
         EvalError::OwnDepth { .. } => "pass --depth-topic TOPIC to compare the model with it anyway".into(),
-        EvalError::NoTopics { .. } => "remove --topic and --depth-topic: they are for recordings".into(),
         EvalError::NoPairs { .. } => "choose the topics: --topic and --depth-topic".into(),
         EvalError::UnknownUnit { .. } => "state the unit of the depth images: --depth-scale METERS".into(),
         EvalError::FixedUnit { .. } => {

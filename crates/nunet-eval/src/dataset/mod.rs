@@ -105,7 +105,10 @@ impl Dataset {
     ) -> Result<Self, EvalError> {
         if !is_recording(&options.dataset) {
             if let Some(topic) = options.topic.as_ref().or(options.depth_topic.as_ref()) {
-                return Err(EvalError::NoTopics { path: options.dataset.clone(), topic: topic.clone() });
+                let folder = options.dataset.display();
+                let message = format!("`{folder}` is a folder of images, which has no topic `{topic}`");
+                let error = SourceError::bad_arguments(message);
+                return Err(error.with_hint("name topics only for recordings").into());
             }
             return Self::open_folder(options.dataset.clone(), options, classes, on_event);
         }
