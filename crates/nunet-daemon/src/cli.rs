@@ -30,8 +30,6 @@ mod keys;
 mod lens;
 mod obstacles;
 mod record;
-#[cfg(test)]
-mod reference;
 mod run;
 mod settings;
 #[cfg(test)]

@@ -164,6 +164,9 @@ impl Hint for Ros2Error {
                 Some("separate settings of the form KEY=VALUE by `;`, such as `mode=\"client\"`".into())
             }
             Self::Network { .. } => Some("another domain has other ports".into()),
+            Self::Transport { name } => {
+                Some(format!("build nunetd with the Cargo feature `ros2-{name}`").into())
+            }
             _ => None,
         }
     }

@@ -67,7 +67,7 @@ fn topic_named(name: &str) -> Result<Topic, Ros2Error> {
     let choosable = Topic::ALL.into_iter().filter(|topic| !Topic::ALWAYS.contains(topic));
     choosable.clone().find(|topic| topic.name() == name).ok_or_else(|| {
         let names: Vec<_> = choosable.map(Topic::name).collect();
-        unknown("topic", name, format!("`all`, `default` or a list of {}", names.join(", ")))
+        unknown("topic", name, format!("`all` or `default` alone, or a list of {}", names.join(", ")))
     })
 }
 

@@ -1,5 +1,7 @@
 //! Flags, and flags together with the file of `--config`.
 
+mod reference;
+
 use std::ffi::OsString;
 use std::path::PathBuf;
 

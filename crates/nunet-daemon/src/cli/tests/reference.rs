@@ -7,8 +7,8 @@ use std::path::Path;
 use clap::{Arg, ArgAction, Command, CommandFactory as _};
 use serde_json::{Map, Value, json};
 
-use super::Cli;
-use super::keys::{CAMERA_NAME_KEY, is_setting, stream_flags};
+use crate::cli::Cli;
+use crate::cli::keys::{CAMERA_NAME_KEY, is_setting, stream_flags};
 
 /// A page of Markdown: a section per subcommand, a table of its flags.
 fn page() -> String {
