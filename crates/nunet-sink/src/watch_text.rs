@@ -180,7 +180,7 @@ fn stability_of(stats: &StatsRecord) -> String {
 fn confidence_of(values: &[u8], width: usize) -> String {
     let (count, height) = (values.len().max(1), values.len() / width.max(1));
     let percent = |value: f64| 100.0 * value / 255.0;
-    let mean = values.iter().map(|&value| f64::from(value)).sum::<f64>() / count as f64;
+    let mean = values.iter().map(|&value| u64::from(value)).sum::<u64>() as f64 / count as f64;
     let center = values.get(height / 2 * width + width / 2).copied().unwrap_or_default();
     let uncertain = values.iter().filter(|value| **value < 128).count();
     format!(
