@@ -20,6 +20,7 @@ TOPICS = {
     "depth/half/image_raw": Image,
     "depth/half/camera_info": CameraInfo,
     "labels/image_raw": Image,
+    "labels/confidence": Image,
     "depth/points": PointCloud2,
     "obstacles/points": PointCloud2,
     "scan": LaserScan,
@@ -69,7 +70,10 @@ def check_frame(frame: dict, daemon: Daemon) -> None:
     np.testing.assert_array_equal(pixels(frame["depth/image_raw"], np.float32), depth_m)
     np.testing.assert_array_equal(pixels(frame["depth/half/image_raw"], np.float32), depth_m[::2, ::2])
     np.testing.assert_array_equal(pixels(frame["labels/image_raw"], np.uint8), labels)
-    assert frame["labels/image_raw"].encoding == "mono8"
+    confidence = np.asarray(PIL.Image.open(daemon.out / "confidence.png"))
+    np.testing.assert_array_equal(pixels(frame["labels/confidence"], np.uint8), confidence)
+    for topic in ("labels/image_raw", "labels/confidence"):
+        assert frame[topic].encoding == "mono8"
     assert bytes(frame["image_raw/compressed"].data) == IMAGE.read_bytes()
     assert frame["image_raw/compressed"].format == "jpeg"
 
