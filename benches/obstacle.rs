@@ -38,6 +38,14 @@ fn obstacle(criterion: &mut Criterion) {
             });
         });
     }
+    // A robot that tilts has another mount in each frame.
+    let tilted = Mount::new([0.0, 0.0, 0.5], [0.0, 0.05, 0.0]).expect("a mount");
+    let mut detector =
+        ObstacleDetector::new(&camera, mount, &classes, ObstacleOptions::default()).expect("options");
+    let mut mounts = [tilted, mount].into_iter().cycle();
+    criterion.bench_function("obstacle/mount/640x480", |bencher| {
+        bencher.iter(|| mounts.by_ref().take(1).for_each(|mount| detector.set_mount(mount)));
+    });
     criterion.bench_function("obstacle/new/640x480", |bencher| {
         bencher.iter(|| ObstacleDetector::new(&camera, mount, &classes, ObstacleOptions::default()));
     });

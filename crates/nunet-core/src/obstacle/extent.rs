@@ -7,11 +7,14 @@
 use std::f32::consts::{PI, TAU};
 
 use super::kind::SLOPE_ERROR;
-use super::sectors::{Sample, Sectors};
+use super::sectors::{Sample, Sectors, length};
 use super::{Mount, ObstacleOptions};
 
 /// Lines per sector. An obstacle that fills a quarter of the sector meets one.
 const LINES: usize = 4;
+
+/// Of the samples of a row or column, every one of this number is used. Between them, the view has straight sides.
+const STEP: usize = 4;
 
 /// Samples of an obstacle that must be in view above the clearance.
 const MIN_SAMPLES: f32 = 2.0;
@@ -88,9 +91,11 @@ pub(super) fn extents(
     cell_growth: f32,
 ) -> Vec<Extent> {
     let mut lines = Lines::new(sectors);
-    let points: Vec<[Polar; 2]> =
-        samples.iter().map(|sample| plane.points(sample.direction).map(|point| lines.polar(point))).collect();
-    for (row, below) in points.chunks(columns).zip(points.chunks(columns).skip(1)) {
+    let rows: Vec<&[Sample]> = samples.chunks(columns.max(1)).collect();
+    let point = |sample: &Sample| plane.points(sample.direction).map(|point| lines.polar(point));
+    let every = |row: &&[Sample]| spread(row.len()).map(|column| point(&row[column])).collect();
+    let points: Vec<Vec<[Polar; 2]>> = spread(rows.len()).map(|row| every(&rows[row])).collect();
+    for (row, below) in points.iter().zip(points.iter().skip(1)) {
         for (left, right) in row.iter().zip(&row[1..]) {
             lines.see(left, right);
         }
@@ -99,6 +104,11 @@ pub(super) fn extents(
         }
     }
     lines.extents.chunks(LINES).map(|lines| Extent::of_lines(lines, cell_growth)).collect()
+}
+
+/// Every [`STEP`]th index, and the last one.
+fn spread(count: usize) -> impl Iterator<Item = usize> {
+    (0..count.saturating_sub(1)).step_by(STEP).chain(count.checked_sub(1))
 }
 
 /// The floor, and the height above it up to which an obstacle must be in view.
@@ -120,13 +130,13 @@ impl Plane {
             camera,
             above_clearance_m: (camera[2] - options.clearance_m).max(1e-3),
             slope: SLOPE_ERROR + MIN_SAMPLES * pitch_rad,
-            far_m: 1.1 * options.max_range_m + camera[0].hypot(camera[1]),
+            far_m: 1.1 * options.max_range_m + length(camera[0], camera[1]),
         }
     }
 
     /// Where a ray meets the floor, and where it is at the clearance. NaN for a ray that does not meet the floor.
     fn points(&self, [x, y, z]: [f32; 3]) -> [[f32; 2]; 2] {
-        let norm = x.hypot(y);
+        let norm = length(x, y);
         let tangent = -z / norm;
         let floor_m = if tangent > 0.0 { self.camera[2] / tangent } else { f32::NAN };
         let falls = tangent + self.slope;
@@ -152,7 +162,7 @@ impl Lines {
 
     fn polar(&self, [x, y]: [f32; 2]) -> Polar {
         let angle = (y.atan2(x) - self.middle_rad + PI).rem_euclid(TAU) - PI;
-        Polar { line: self.middle + angle * self.per_rad, range_m: x.hypot(y) }
+        Polar { line: self.middle + angle * self.per_rad, range_m: length(x, y) }
     }
 
     /// Takes what two neighboring samples show of the lines between them.

@@ -5,6 +5,12 @@ use std::f32::consts::TAU;
 /// A sample without a cell, or without a sector.
 pub(super) const NONE: u32 = u32::MAX;
 
+/// The length of a vector. Nothing overflows at the scale of rooms, and it is several times faster than `hypot`.
+#[inline]
+pub(super) fn length(x: f32, y: f32) -> f32 {
+    (x * x + y * y).sqrt()
+}
+
 /// A sampled pixel, while the view is computed.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sample {

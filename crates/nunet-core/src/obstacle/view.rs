@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 
 use super::extent::{Extent, Plane, extents};
 use super::ground::MAX_CANDIDATES;
-use super::sectors::{NONE, Sample, Sectors};
+use super::sectors::{NONE, Sample, Sectors, length};
 use super::{Mount, ObstacleOptions};
 use crate::camera::RayTable;
 
@@ -34,6 +34,16 @@ pub(super) struct Cell {
     pub(super) samples: u32,
     /// The distance of its nearest point from the base's origin, meters.
     pub(super) near_m: f32,
+}
+
+/// A sample that looks at floor within range.
+struct SeenFloor {
+    sector: u32,
+    /// From near to far.
+    band: usize,
+    /// Of the sample.
+    index: usize,
+    range_m: f32,
 }
 
 /// All samples of a camera's image, and the cells of the floor.
@@ -120,37 +130,53 @@ impl View {
     /// Gives each sample its sector and the cell it looks at.
     fn divide_floor(&mut self, samples: &mut [Sample], mount: &Mount, max_range_m: f32, step: f32) {
         let [camera_x, camera_y, height_m] = mount.position_m().map(|value| value as f32);
-        let mut seen: Vec<(u32, u32, usize, f32)> = Vec::new();
+        let mut seen = Vec::with_capacity(samples.len());
+        let mut neighbor = NONE;
         for (index, sample) in samples.iter_mut().enumerate() {
             let [x, y, z] = sample.direction;
-            sample.sector = self.sectors.at(x, y);
+            sample.sector = self.sectors.find([x, y], neighbor);
+            neighbor = sample.sector;
             if z < 0.0 {
                 let reach = height_m / -z;
                 let (floor_x, floor_y) = (camera_x + reach * x, camera_y + reach * y);
-                let range_m = floor_x.hypot(floor_y);
-                let sector = self.sectors.at(floor_x, floor_y);
-                if range_m <= max_range_m && sector != NONE {
-                    let tangent = (-z / x.hypot(y)).min(MAX_TANGENT);
+                let range_m = length(floor_x, floor_y);
+                if range_m <= max_range_m {
+                    let sector = self.sectors.find([floor_x, floor_y], sample.sector);
+                    let tangent = (-z / length(x, y)).min(MAX_TANGENT);
                     // From near to far: the largest tangent first.
-                    let band = ((MAX_TANGENT - tangent) / step) as u32;
-                    seen.push((sector, band, index, range_m));
+                    let band = ((MAX_TANGENT - tangent) / step) as usize;
+                    seen.push(SeenFloor { sector, band, index, range_m });
                 }
             }
         }
-        seen.sort_unstable_by_key(|&(sector, band, index, _)| (sector, band, index));
-        self.first_cells = Vec::with_capacity(self.sectors.count() + 1);
-        for same in seen.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
-            let sector = same[0].0;
-            while self.first_cells.len() <= sector as usize {
-                self.first_cells.push(self.cells.len() as u32);
-            }
-            for &(_, _, index, _) in same {
-                samples[index].cell = self.cells.len() as u32;
-            }
-            let near_m = same.iter().map(|seen| seen.3).fold(f32::INFINITY, f32::min);
-            self.cells.push(Cell { samples: same.len() as u32, near_m });
+        seen.retain(|seen| seen.sector != NONE);
+        self.number_cells(samples, &seen);
+    }
+
+    /// Numbers the cells that are seen, by sector and from near to far.
+    fn number_cells(&mut self, samples: &mut [Sample], seen: &[SeenFloor]) {
+        let first_band = seen.iter().map(|seen| seen.band).min().unwrap_or_default();
+        let bands = seen.iter().map(|seen| seen.band + 1 - first_band).max().unwrap_or_default();
+        let place = |seen: &SeenFloor| seen.sector as usize * bands + seen.band - first_band;
+        let mut all = vec![Cell { samples: 0, near_m: f32::INFINITY }; self.sectors.count() * bands];
+        for seen in seen {
+            let cell = &mut all[place(seen)];
+            *cell = Cell { samples: cell.samples + 1, near_m: cell.near_m.min(seen.range_m) };
         }
-        self.first_cells.resize(self.sectors.count() + 1, self.cells.len() as u32);
+        let mut numbers = vec![NONE; all.len()];
+        self.first_cells = vec![0];
+        for sector in 0..self.sectors.count() {
+            for index in sector * bands..(sector + 1) * bands {
+                if all[index].samples > 0 {
+                    numbers[index] = self.cells.len() as u32;
+                    self.cells.push(all[index]);
+                }
+            }
+            self.first_cells.push(self.cells.len() as u32);
+        }
+        for seen in seen {
+            samples[seen.index].cell = numbers[place(seen)];
+        }
     }
 
     /// The cells of a sector, from near to far.
@@ -173,8 +199,10 @@ fn field_of_view(samples: &[Sample], mount: &Mount, options: &ObstacleOptions) -
     // Tangent of the angle below the horizon at which the floor is at the largest range.
     let far = mount.height_m() as f32 / options.max_range_m;
     let within = |lowest: f32| {
-        let below =
-            samples.iter().map(|sample| sample.direction).filter(move |&[x, y, z]| -z >= lowest * x.hypot(y));
+        let below = samples
+            .iter()
+            .map(|sample| sample.direction)
+            .filter(move |&[x, y, z]| -z >= lowest * length(x, y));
         let angles = below.map(|[x, y, _]| (y.atan2(x) - yaw + PI).rem_euclid(TAU) - PI);
         angles.fold((f32::INFINITY, f32::NEG_INFINITY), |(min, max), angle| (min.min(angle), max.max(angle)))
     };
