@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use nunet_ipc::{CameraName, Limits, Publisher, Reader, Topic, TopicPlan};
 
-use crate::support::{Bench, Guarded, TIMEOUT, camera, nunetd, run, signal, text, wait_for};
+use crate::support::{Bench, Guarded, TIMEOUT, camera, ipc_root, nunetd, run, signal, text, wait_for};
 
 fn demo_daemon(bench: &Bench, name: &str) -> Guarded {
     let model = bench.arg("model.onnx");
@@ -91,7 +91,7 @@ fn a_stop_before_the_first_frame_is_noticed_while_it_waits_for_another_publisher
     let other = CameraName::new(&camera("other")).unwrap();
     let _owner = Publisher::create(&other, &[plan], &Limits::default()).unwrap();
     // What an owner holds while it creates its services.
-    let folder = std::fs::File::open("/tmp/iceoryx2").unwrap();
+    let folder = std::fs::File::open(ipc_root()).unwrap();
     folder.lock().unwrap();
     let mut command =
         nunetd(&["--model", &model, "--source", "demo", "--camera", &name, "--record", &record]);
@@ -283,6 +283,7 @@ const CLOUD_OF: &str = "NUNET_TEST_READS_THE_CLOUD_OF";
 #[test]
 fn peer_that_reads_the_cloud() {
     let Ok(name) = std::env::var(CLOUD_OF) else { return };
+    ipc_root();
     let reader = Reader::open(&CameraName::new(&name).unwrap(), &[Topic::Cloud], TIMEOUT).unwrap();
     let start = Instant::now();
     while start.elapsed() < TIMEOUT {

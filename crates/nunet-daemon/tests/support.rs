@@ -19,10 +19,21 @@ pub(crate) const TIMEOUT: Duration = Duration::from_secs(60);
 /// Width and height of the demo scene, which is that of the test networks too.
 pub(crate) const SIZE: (u32, u32) = (640, 480);
 
-/// `nunetd` with the library and the models of this checkout, a cache of its own, and no colors.
+/// The folder of the shared memory of these tests, because the default one may belong to another user.
+pub(crate) fn ipc_root() -> &'static Path {
+    static ROOT: OnceLock<PathBuf> = OnceLock::new();
+    ROOT.get_or_init(|| {
+        let root = std::env::temp_dir().join(format!("nunet-{}", rustix::process::geteuid().as_raw()));
+        nunet_ipc::use_root(&root).unwrap();
+        root
+    })
+}
+
+/// `nunetd` with the library and the models of this checkout, a cache and shared memory of its own, and no colors.
 pub(crate) fn nunetd(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_nunetd"));
     command.args(arguments).stdin(Stdio::null()).env("NO_COLOR", "1");
+    command.env(nunet_ipc::ROOT_VARIABLE, ipc_root());
     command.env("ORT_DYLIB_PATH", nunet_testkit::runtime_library());
     command.env("XDG_CACHE_HOME", Path::new(env!("CARGO_TARGET_TMPDIR")).join("cache"));
     command.env("NUNET_MODELS", repository().join("models/tiny"));
@@ -81,6 +92,7 @@ pub(crate) fn repository() -> PathBuf {
 /// A camera's name that no other test has.
 pub(crate) fn camera(test: &str) -> String {
     static COUNT: AtomicU32 = AtomicU32::new(0);
+    ipc_root();
     format!("{test}_{}_{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed))
 }
 
@@ -177,7 +189,7 @@ impl Bench {
             std::fs::write(self.path("config/iceoryx2.toml"), config).unwrap();
             prefix
         });
-        command.current_dir(self.path(""));
+        command.current_dir(self.path("")).env_remove(nunet_ipc::ROOT_VARIABLE);
     }
 
     /// The files of this bench's own shared memory.

@@ -144,6 +144,9 @@ mod tests {
 
     #[test]
     fn the_mount_follows_the_attitude_and_without_one_the_robot_counts_as_level() {
+        // The default folder may belong to another user.
+        let folder = tempfile::tempdir().unwrap();
+        nunet_ipc::use_root(folder.path()).unwrap();
         let camera = CameraName::new(&format!("attitude-stage-{}", std::process::id())).unwrap();
         let level = Mount::new([0.2, 0.0, 0.5], [0.0, 0.1, 0.0]).unwrap();
         let config = AttitudeConfig { source: "shm".parse().unwrap(), mount: level };
