@@ -19,12 +19,13 @@ const MOUNT: &str = "0,0,0.25,0,-0.07,0";
 const RECORDING: &str = "demo.mcap";
 
 /// What is left in the folder, and how to look at it.
-const RESULTS: [(&str, &str); 8] = [
+const RESULTS: [(&str, &str); 9] = [
     ("depth.png", "depth of the last frame in colors, with a scale in meters; open this first"),
     ("obstacles.png", "obstacles of the last frame from above: green is free, red dots are obstacles"),
     (RECORDING, "all frames with image, depth, labels, cloud, obstacles and scan; open it in Foxglove"),
     ("cloud.ply", "points of the last frame with colors; open it in MeshLab or CloudCompare"),
     ("labels.png", "class of each pixel of the last frame"),
+    ("confidence.png", "how certain the depth of each pixel of the last frame is; white is certain"),
     ("depth.npy", "depth of the last frame as float32 meters, for numpy.load"),
     ("obstacles.json", "free distance of each direction of the last frame"),
     (STATS, "counts and latencies of the run"),
