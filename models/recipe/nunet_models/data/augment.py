@@ -61,6 +61,10 @@ class Sample:
     depth_m: np.ndarray
     labels: np.ndarray
 
+    def planes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What a batch stacks: uint8 `[3, h, w]`, float32 meters `[1, h, w]`, int64 `[h, w]`."""
+        return self.rgb.transpose(2, 0, 1), self.depth_m[None], self.labels.astype(np.int64)
+
 
 def augmented(
     sample: Sample,

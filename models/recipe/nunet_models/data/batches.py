@@ -1,6 +1,6 @@
 """Batches of augmented samples, the same for the same seed, epoch and position."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +21,17 @@ class Batch:
     labels: torch.Tensor
 
 
+def loader_of(samples: Dataset, order: Sequence[int], *, batch: int, workers: int) -> DataLoader:
+    """Loads the samples at the places `order`, `batch` at a time."""
+    return DataLoader(
+        samples,
+        batch_size=batch,
+        sampler=order,
+        num_workers=workers,
+        generator=torch.Generator(),  # otherwise the loader would consume the run's random numbers
+    )
+
+
 class _Epoch(Dataset):
     def __init__(
         self, data: Cached, how: Augmentation, size: tuple[int, int], seed: int, epoch: int
@@ -35,8 +46,7 @@ class _Epoch(Dataset):
         # parallelized run draws the same.
         random = np.random.default_rng((*self.key, index))
         whole = Sample(self.data.rgb[index], self.data.depth_m(index), self.data.labels[index])
-        sample = augmented(whole, self.how, size=self.size, random=random)
-        return sample.rgb.transpose(2, 0, 1), sample.depth_m[None], sample.labels.astype(np.int64)
+        return augmented(whole, self.how, size=self.size, random=random).planes()
 
 
 def epoch_batches(  # noqa: PLR0913  (every one of them changes what is drawn)
@@ -59,12 +69,8 @@ def epoch_batches(  # noqa: PLR0913  (every one of them changes what is drawn)
     if shuffle:
         np.random.default_rng((seed, epoch)).shuffle(order)
         order = order[: len(order) // batch * batch][first * batch :]
-    loader = DataLoader(
-        _Epoch(data, how, size, seed, epoch),
-        batch_size=batch,
-        sampler=order.tolist(),
-        num_workers=workers,
-        generator=torch.Generator(),  # otherwise the loader would consume the run's random numbers
+    loader = loader_of(
+        _Epoch(data, how, size, seed, epoch), order.tolist(), batch=batch, workers=workers
     )
     for rgb, depth_m, labels in loader:
         yield Batch(rgb, depth_m, labels)

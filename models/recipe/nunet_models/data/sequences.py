@@ -4,11 +4,10 @@ import re
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import torch
-from torch.utils.data import DataLoader, Dataset
+from torch.utils.data import Dataset
 
 from nunet_models.data.augment import Augmentation, Sample, augmented
-from nunet_models.data.batches import Batch
+from nunet_models.data.batches import Batch, loader_of
 from nunet_models.data.cache import Cached
 
 _NUMBER = re.compile(r"\d+$")
@@ -39,12 +38,9 @@ class _Windows(Dataset):
         self.data, self.how, self.size, self.frames, self.key = data, how, size, frames, key
 
     def __getitem__(self, start: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        samples = [self._sample(start, start + offset) for offset in range(self.frames)]
-        return (
-            np.stack([sample.rgb.transpose(2, 0, 1) for sample in samples]),
-            np.stack([sample.depth_m[None] for sample in samples]),
-            np.stack([sample.labels.astype(np.int64) for sample in samples]),
-        )
+        samples = [self._sample(start, start + offset).planes() for offset in range(self.frames)]
+        rgb, depth_m, labels = (np.stack(planes) for planes in zip(*samples, strict=True))
+        return rgb, depth_m, labels
 
     def _sample(self, start: int, index: int) -> Sample:
         # The same numbers for all frames of a window: the camera must not change between them.
@@ -73,12 +69,11 @@ def sequence_batches(  # noqa: PLR0913  (every one of them changes what is drawn
     starts = np.array(window_starts(data.ids, frames))
     np.random.default_rng((seed, epoch)).shuffle(starts)
     starts = starts[: len(starts) // batch * batch][first * batch :]
-    loader = DataLoader(
+    loader = loader_of(
         _Windows(data, how, size=size, frames=frames, key=(seed, epoch)),
-        batch_size=batch,
-        sampler=starts.tolist(),
-        num_workers=workers,
-        generator=torch.Generator(),  # otherwise the loader would consume the run's random numbers
+        starts.tolist(),
+        batch=batch,
+        workers=workers,
     )
     for parts in loader:
         yield Batch(*(part.transpose(0, 1).flatten(0, 1) for part in parts))

@@ -6,10 +6,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import torch
-from torch.utils.data import DataLoader, Dataset
+from torch.utils.data import Dataset
 
-from nunet_models.data.batches import Batch
+from nunet_models.data.batches import Batch, loader_of
 from nunet_models.data.sets.draw import Shapes, ViewRanges, sample
 from nunet_models.data.sets.entry import SetEntry, read_dataset_list
 from nunet_models.data.sets.folder import CameraImage, CameraSet
@@ -115,8 +114,7 @@ class _Views(Dataset):
         # Randomness depends on the place in the epoch alone: a resumed run draws the same.
         random = np.random.default_rng((*self.key, step))
         image = self.mixture[int(self.places[step])]
-        found = sample(image, self.ranges, how=self.how, random=random)
-        return found.rgb.transpose(2, 0, 1), found.depth_m[None], found.labels.astype(np.int64)
+        return sample(image, self.ranges, how=self.how, random=random).planes()
 
 
 def mixed_batches(  # noqa: PLR0913  (every one of them changes what is drawn)
@@ -134,12 +132,8 @@ def mixed_batches(  # noqa: PLR0913  (every one of them changes what is drawn)
     """Batches of an epoch of `count` images, from batch `first` on; a last odd one is dropped."""
     places = mixture.drawn(count, seed=seed, epoch=epoch)
     views = _Views(mixture, places, ranges, how, (seed, epoch))
-    loader = DataLoader(
-        views,
-        batch_size=batch,
-        sampler=range(first * batch, count // batch * batch),
-        num_workers=workers,
-        generator=torch.Generator(),
+    loader = loader_of(
+        views, range(first * batch, count // batch * batch), batch=batch, workers=workers
     )
     for rgb, depth_m, labels in loader:
         yield Batch(rgb, depth_m, labels)
