@@ -89,6 +89,11 @@ impl GroundFit {
         }
     }
 
+    /// Takes another mount of the same camera.
+    pub(super) fn set_mount(&mut self, mount: &Mount) {
+        self.camera_height_m = mount.height_m() as f32;
+    }
+
     /// The typical error of a floor point's height, meters.
     pub(super) fn scatter_m(&self) -> f32 {
         SCATTER_M.max(SCATTER_SHARE * self.camera_height_m)

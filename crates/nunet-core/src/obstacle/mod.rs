@@ -179,8 +179,8 @@ impl ObstacleDetector {
         let view = View::new(&self.rays, &mount, &self.options);
         self.memory.turn(&self.view.sectors, &view.sectors);
         self.view = view;
-        self.scan = Scan::new(&self.view, mount.position_m());
-        self.ground = GroundFit::new(&mount, &self.options);
+        self.scan.set_mount(&self.view, mount.position_m());
+        self.ground.set_mount(&mount);
         self.obstacles.angle_min_rad = self.view.sectors.angle_min_rad;
         self.obstacles.angle_step_rad = self.view.sectors.angle_step_rad;
     }

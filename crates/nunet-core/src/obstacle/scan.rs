@@ -67,6 +67,12 @@ impl Scan {
         }
     }
 
+    /// Takes another mount of the same camera.
+    pub(super) fn set_mount(&mut self, view: &View, camera: [f64; 3]) {
+        self.votes.resize(view.cells.len(), Votes::default());
+        self.camera = camera.map(|value| value as f32);
+    }
+
     /// Takes the samples' depth from the image.
     pub(super) fn gather(&mut self, image: &DepthImage<'_>, view: &View) {
         let rows = image.depth_m.chunks_exact(view.width).step_by(view.stride);

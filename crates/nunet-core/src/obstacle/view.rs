@@ -129,28 +129,44 @@ impl View {
 
     /// Gives each sample its sector and the cell it looks at.
     fn divide_floor(&mut self, samples: &mut [Sample], mount: &Mount, max_range_m: f32, step: f32) {
-        let [camera_x, camera_y, height_m] = mount.position_m().map(|value| value as f32);
+        let camera = mount.position_m().map(|value| value as f32);
         let mut seen = Vec::with_capacity(samples.len());
         let mut neighbor = NONE;
         for (index, sample) in samples.iter_mut().enumerate() {
-            let [x, y, z] = sample.direction;
+            let [x, y, _] = sample.direction;
             sample.sector = self.sectors.find([x, y], neighbor);
             neighbor = sample.sector;
-            if z < 0.0 {
-                let reach = height_m / -z;
-                let (floor_x, floor_y) = (camera_x + reach * x, camera_y + reach * y);
-                let range_m = length(floor_x, floor_y);
-                if range_m <= max_range_m {
-                    let sector = self.sectors.find([floor_x, floor_y], sample.sector);
-                    let tangent = (-z / length(x, y)).min(MAX_TANGENT);
-                    // From near to far: the largest tangent first.
-                    let band = ((MAX_TANGENT - tangent) / step) as usize;
-                    seen.push(SeenFloor { sector, band, index, range_m });
-                }
-            }
+            let found = self.floor_of(sample, camera, max_range_m, step);
+            seen.extend(found.map(|(sector, band, range_m)| SeenFloor { sector, band, index, range_m }));
         }
-        seen.retain(|seen| seen.sector != NONE);
         self.number_cells(samples, &seen);
+    }
+
+    /// Sector, band and distance of the floor that a sample looks at; `None` beyond the range and outside the sectors.
+    fn floor_of(
+        &self,
+        sample: &Sample,
+        [camera_x, camera_y, height_m]: [f32; 3],
+        max_range_m: f32,
+        step: f32,
+    ) -> Option<(u32, usize, f32)> {
+        let [x, y, z] = sample.direction;
+        // False for a sample without a ray, too.
+        let is_below = z < 0.0;
+        if !is_below {
+            return None;
+        }
+        let reach = height_m / -z;
+        let (floor_x, floor_y) = (camera_x + reach * x, camera_y + reach * y);
+        let range_m = length(floor_x, floor_y);
+        if range_m > max_range_m {
+            return None;
+        }
+        let sector = self.sectors.find([floor_x, floor_y], sample.sector);
+        let tangent = (-z / length(x, y)).min(MAX_TANGENT);
+        // From near to far: the largest tangent first.
+        let band = ((MAX_TANGENT - tangent) / step) as usize;
+        (sector != NONE).then_some((sector, band, range_m))
     }
 
     /// Numbers the cells that are seen, by sector and from near to far.
