@@ -101,7 +101,8 @@ fn node_name(node: &str) -> String {
 fn without_source_place(text: &str) -> Option<String> {
     let ends = [".cc:", ".h:", ".cpp:", ".hpp:", ".cu:"];
     let (end, extension) = ends.iter().filter_map(|end| Some((text.find(end)?, end.len()))).min()?;
-    let start = text[..end].rfind(char::is_whitespace).map_or(0, |space| space + 1);
+    // Names of operators may have spaces of several bytes.
+    let start = text[..end].rfind(|c: char| c.is_ascii_whitespace()).map_or(0, |space| space + 1);
     let after = &text[end + extension..];
     let digits = after.find(|c: char| !c.is_ascii_digit()).unwrap_or(after.len());
     let after = after[digits..].trim_start();
@@ -205,5 +206,7 @@ mod tests {
         for text in [".cc:", "a.cc:9 (((", "ä.cc:1 ö::ü(ß) ß", ".h:.h:.h:", "x.cc:1 a::b()"] {
             let _ = OnnxMessage::from(text).to_string();
         }
+        check("a\u{a0}b.cc:1 c::d() too\u{2003}large", "too\u{2003}large");
+        check("operator\u{2003}`x` /a/b.cc:1 c::d() e", "operator\u{2003}`x` e");
     }
 }
