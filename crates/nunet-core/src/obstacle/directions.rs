@@ -167,7 +167,10 @@ impl Memory {
                 let age_nanos = now_nanos.saturating_sub(then);
                 let is_recent = (0..=self.hold_nanos).contains(&age_nanos);
                 if is_recent && last.obstacle_m <= LEAVES_BELOW * last.seen_from_m {
-                    *sector = ObstacleSector { remembered: 1, age_s: age_nanos as f32 / 1e9, ..last };
+                    // A nearer drop is seen now, and must not be hidden.
+                    if sector.state() != SectorState::Drop || sector.range_m > last.range_m {
+                        *sector = ObstacleSector { remembered: 1, age_s: age_nanos as f32 / 1e9, ..last };
+                    }
                 } else {
                     *seen = None;
                 }
@@ -240,15 +243,36 @@ mod tests {
         assert_eq!(state(f32::NAN, 1.5, 4.9, End::OutOfRange), (SectorState::Unknown, 1.5));
     }
 
-    #[test]
-    fn an_obstacle_that_leaves_below_the_image_is_remembered_for_a_while_and_marked() {
-        let occupied = |range_m: f32| ObstacleSector {
+    fn occupied(range_m: f32) -> ObstacleSector {
+        ObstacleSector {
             state: SectorState::Occupied.into(),
             range_m,
             obstacle_m: range_m,
             seen_from_m: 0.6,
             ..ObstacleSector::UNKNOWN
+        }
+    }
+
+    #[test]
+    fn a_remembered_obstacle_does_not_hide_a_nearer_drop() {
+        let drop = |range_m: f32| ObstacleSector {
+            state: SectorState::Drop.into(),
+            range_m,
+            ..ObstacleSector::UNKNOWN
         };
+        let mut memory = Memory::new(0.5, 2);
+        memory.update(&mut [occupied(0.7); 2], 0);
+        let mut sectors = [drop(0.65), drop(0.75)];
+        memory.update(&mut sectors, 100_000_000);
+        assert_eq!(sectors.map(|sector| sector.remembered), [0, 1]);
+        assert_eq!((sectors[0].state(), sectors[0].range_m), (SectorState::Drop, 0.65));
+        let mut sectors = [ObstacleSector::UNKNOWN; 2];
+        memory.update(&mut sectors, 200_000_000);
+        assert_eq!(sectors.map(|sector| sector.range_m), [0.7; 2], "it is still remembered");
+    }
+
+    #[test]
+    fn an_obstacle_that_leaves_below_the_image_is_remembered_for_a_while_and_marked() {
         let mut memory = Memory::new(0.5, 2);
         let after = |memory: &mut Memory, now: i64| {
             let mut sectors = [ObstacleSector::UNKNOWN; 2];
