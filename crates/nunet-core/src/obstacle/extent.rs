@@ -181,13 +181,17 @@ impl Lines {
             step -= circle.copysign(step);
         }
         let (first, last) = (a.line.min(a.line + step) - 0.5, a.line.max(a.line + step) - 0.5);
-        let is_finite = first.is_finite() && last.is_finite();
-        let between = if is_finite { first.ceil() as i64..last.ceil() as i64 } else { 0..0 };
-        for line in between {
-            let share = (line as f32 + 0.5 - a.line) / step;
-            let range_m = a.range_m + share * (b.range_m - a.range_m);
-            if let Some(extent) = self.extents.get_mut(line.rem_euclid(self.circle) as usize) {
-                see(extent, range_m);
+        if !first.is_finite() || !last.is_finite() {
+            return;
+        }
+        let (first, last, count) = (first.ceil() as i64, last.ceil() as i64, self.extents.len() as i64);
+        // Only the lines of the sectors are visited, also one turn earlier or later: a circle of very narrow ones has
+        // millions.
+        for turn in [-self.circle, 0, self.circle] {
+            for line in first.max(turn)..last.min(turn + count) {
+                let share = (line as f32 + 0.5 - a.line) / step;
+                let range_m = a.range_m + share * (b.range_m - a.range_m);
+                see(&mut self.extents[(line - turn) as usize], range_m);
             }
         }
     }
@@ -222,6 +226,19 @@ mod tests {
         assert_eq!(limit(1.6, 5.0), extent(1.0, 0.0), "a side is not seen near");
         assert_eq!(limit(1.4, 1.2), extent(1.0, 0.0), "never as a whole");
         assert_eq!(Extent::NOTHING.limit(1.0, 0.05), extent(1.0, 0.0));
+    }
+
+    #[test]
+    fn very_narrow_sectors_are_crossed_from_one_side_of_the_robot_to_the_other() {
+        let mut lines = Lines::new(&Sectors::new(-5e-4, 5e-4, 360));
+        let [right, left] = [[0.3, -0.4], [0.3, 0.4]].map(|point| [lines.polar(point); 2]);
+        // This would take minutes if all lines between the two points were visited.
+        for _ in 0..10_000 {
+            lines.see(&right, &left);
+        }
+        assert_eq!(lines.extents.len(), 1440);
+        assert!(lines.extents.iter().all(|extent| (extent.from_m - 0.5).abs() < 1e-3));
+        assert!(lines.extents.iter().all(|extent| (extent.until_m - 0.5).abs() < 1e-3));
     }
 
     #[test]
