@@ -1,6 +1,8 @@
 //! The child process of the model check.
 
+use std::num::NonZeroUsize;
 use std::path::Path;
+use std::thread::available_parallelism;
 
 use nunet_core::graph::{Provider, model_files};
 use nunet_core::pipeline::PipelineOptions;
@@ -41,7 +43,7 @@ fn limit_this_process(model: &Path, provider: Provider) -> Result<(), EngineErro
         model_files(model)?.iter().map(|file| file.metadata().map_or(0, |data| data.len())).sum();
     let limits = [
         (Resource::As, memory_limit(provider, bytes)),
-        (Resource::Cpu, 2 * time_limit(provider).as_secs()),
+        (Resource::Cpu, cpu_limit_s(provider, available_parallelism().unwrap_or(NonZeroUsize::MIN))),
         (Resource::Core, 0),
     ];
     for (resource, limit) in limits {
@@ -62,9 +64,22 @@ fn memory_limit(provider: Provider, model_bytes: u64) -> u64 {
     }
 }
 
+/// Seconds of all threads together. The parent ends the child at the time limit, before this one is reached.
+fn cpu_limit_s(provider: Provider, cores: NonZeroUsize) -> u64 {
+    time_limit(provider).as_secs().saturating_mul(1 + cores.get() as u64)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn threads_on_all_cores_have_the_whole_time_limit() {
+        for cores in [1, 2, 64] {
+            let limit_s = cpu_limit_s(Provider::Cpu, NonZeroUsize::new(cores).unwrap());
+            assert!(limit_s > cores as u64 * time_limit(Provider::Cpu).as_secs(), "{cores}");
+        }
+    }
 
     #[test]
     fn gpus_have_no_memory_limit_and_tensorrt_has_time_to_build_engines() {
