@@ -189,12 +189,15 @@ fn wait(child: &mut Child, limit: Duration, cancel: &AtomicBool) -> Result<Optio
 /// The signals of a crash.
 const CRASHES: [Signal; 5] = [Signal::SEGV, Signal::BUS, Signal::ABORT, Signal::ILL, Signal::FPE];
 
+/// The exit code of a Rust program that panicked.
+const PANIC: i32 = 101;
+
 /// Only a crash counts against the file and is stored. A reported refusal may be due to this machine
 /// (memory, library), and any other signal came from outside (a user, or the system when memory ran out).
 fn judge(status: ExitStatus, stdout: &str, stderr: &str) -> Result<Verdict, EngineError> {
     match (status.code(), status.signal()) {
         (Some(0), _) => Ok(Verdict::Passed),
-        (Some(1 | 2), _) => Err(refusal(stdout, stderr).into_error()),
+        (Some(1 | 2 | PANIC), _) => Err(refusal(stdout, stderr).into_error()),
         (_, Some(signal)) if CRASHES.iter().any(|crash| crash.as_raw() == signal) => {
             Ok(Verdict::Crashed(format!("ended with signal {signal}")))
         }
@@ -247,6 +250,12 @@ mod tests {
         let error = judge(ExitStatus::from_raw(2 << 8), "", "error: unexpected argument\n").unwrap_err();
         assert_eq!(error.kind(), EngineErrorKind::Other);
         assert!(error.to_string().ends_with("error: unexpected argument"), "{error}");
+    }
+
+    #[test]
+    fn a_child_that_panicked_is_quoted() {
+        let error = judge(ExitStatus::from_raw(PANIC << 8), "", "thread 'main' panicked\n").unwrap_err();
+        assert!(error.to_string().ends_with("thread 'main' panicked"), "{error}");
     }
 
     #[test]
