@@ -277,12 +277,14 @@ mod tests {
     fn an_error_has_the_kind_of_what_failed() {
         let empty = || GraphError::Empty { path: "m.onnx".into() };
         let unknown = GraphError::UnknownStage { stage: "a".into(), stages: "`b`".into() };
+        let decimation = FilterError::TooSmall { width: 4, height: 4, factor: 8 };
         let missing = io::Error::from(io::ErrorKind::NotFound);
-        let cases: [(Box<dyn StdError>, EngineErrorKind); 6] = [
+        let cases: [(Box<dyn StdError>, EngineErrorKind); 7] = [
             (Box::new(empty()), EngineErrorKind::Model),
             (Box::new(PipelineError::from(empty())), EngineErrorKind::Model),
             (Box::new(EngineError::from(empty())), EngineErrorKind::Model),
             (Box::new(unknown), EngineErrorKind::Argument),
+            (Box::new(PipelineError::from(decimation)), EngineErrorKind::Argument),
             (Box::new(CameraError::Size { width: 0, height: 0 }), EngineErrorKind::Camera),
             (Box::new(missing), EngineErrorKind::NotFound),
         ];

@@ -1,5 +1,6 @@
 //! The kinds of errors, for exit codes and Python's exceptions.
 
+use nunet_core::ErrorKind;
 use nunet_core::graph::GraphError;
 use nunet_core::pipeline::PipelineError;
 
@@ -42,6 +43,7 @@ impl EngineErrorKind {
             PipelineError::Graph(error) => Self::of_graph(error),
             PipelineError::Camera(_) => Self::Camera,
             PipelineError::Scale(_) => Self::Argument,
+            PipelineError::Filter(error) if error.kind() == ErrorKind::Argument => Self::Argument,
             PipelineError::SelfTest(_) => Self::Model,
             _ => Self::Other,
         }
