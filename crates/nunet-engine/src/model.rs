@@ -12,7 +12,7 @@ use nunet_core::frame::ImageView;
 use nunet_core::framing::{AspectMode, Framing};
 use nunet_core::graph::Provider;
 use nunet_core::obstacle::Mount;
-use nunet_core::pipeline::{FrameReport, Outputs, Pipeline, PipelineOptions};
+use nunet_core::pipeline::{FrameReport, Outputs, Pipeline, PipelineError, PipelineOptions};
 use nunet_core::scale::ScaleMode;
 use nunet_types::ImageSize;
 
@@ -202,6 +202,9 @@ impl Model {
         keep_state: bool,
     ) -> Result<Inferred, EngineError> {
         let start = Instant::now();
+        if let Some(camera) = camera {
+            camera.fitted_to(image.width(), image.height()).map_err(PipelineError::from)?;
+        }
         if self.camera != camera {
             self.pipeline.set_camera(camera)?;
             self.camera = camera;
