@@ -78,8 +78,8 @@ pub struct Calibrator {
     resolver: CameraResolver,
     depth_m: Vec<f32>,
     labels: Vec<u8>,
-    /// For the camera of the last frame.
-    gauge: Option<(Camera, FloorGauge)>,
+    /// For the camera and the mount of the last frame.
+    gauge: Option<(Camera, Mount, FloorGauge)>,
     /// The camera of the images, if it is known.
     camera: Option<Camera>,
     observations: Vec<Observation>,
@@ -290,13 +290,13 @@ impl Calibrator {
 
     fn on_floor(&mut self, mount: Mount) -> Result<Option<f64>, CalibrateError> {
         let camera = *self.pipeline.points_camera();
-        if self.gauge.as_ref().is_none_or(|(known, _)| *known != camera) {
+        if self.gauge.as_ref().is_none_or(|(known, at, _)| (*known, *at) != (camera, mount)) {
             let classes = &self.pipeline.graph().description().classes;
-            self.gauge = Some((camera, FloorGauge::new(&camera, mount, classes)?));
+            self.gauge = Some((camera, mount, FloorGauge::new(&camera, mount, classes)?));
         }
         let labels = (!self.labels.is_empty()).then_some(&self.labels[..]);
         let image = DepthImage { depth_m: &self.depth_m, labels, confidence: self.pipeline.confidence() };
-        let found = self.gauge.as_mut().and_then(|(_, gauge)| gauge.measure(&image));
+        let found = self.gauge.as_mut().and_then(|(.., gauge)| gauge.measure(&image));
         Ok(found.map(|found| f64::from(found.ratio)))
     }
 
