@@ -85,6 +85,12 @@ impl Comparison {
         Self { protocol, cap_m, kind, depth, each, minmax, beyond: 0, truth }
     }
 
+    /// # Errors
+    /// A size for which the protocol is not defined.
+    pub(crate) fn check_size(&self, image: ImageSize) -> Result<(), EvalError> {
+        crop(self.protocol, image).map(drop)
+    }
+
     /// Whether there was truth to compare meters with.
     ///
     /// # Errors

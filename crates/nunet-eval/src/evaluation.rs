@@ -166,8 +166,10 @@ impl Evaluation {
 
     fn measure(&mut self, id: &str, on_event: OnEvent<'_>) -> Result<(), EvalError> {
         let (truth, prediction) = self.predict(id, on_event)?;
+        // Before anything is counted.
+        self.comparison.check_size(truth.size)?;
         if let Some(baseline) = &self.baseline {
-            baseline.check_size(truth.size)?; // before anything is counted
+            baseline.check_size(truth.size)?;
         }
         self.compare_obstacles(id, &truth, &prediction)?;
         let alone = self.comparison.add(&prediction.depth, &truth.depth_m, truth.size)?;
