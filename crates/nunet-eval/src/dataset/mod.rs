@@ -136,9 +136,10 @@ impl Dataset {
             None => images.into_iter().chain(depths).collect::<BTreeSet<_>>().into_iter().collect(),
         };
         let TimePairs { depth_of: partners, strays, .. } = pairs;
-        // Depth that belongs to an image of another name is not an image without a partner.
+        // Depth that belongs to an image of another name is not an image without a partner. A list is not shortened: what
+        // it names is measured or reported.
         let paired: BTreeSet<&String> = partners.values().collect();
-        ids.retain(|id| !paired.contains(id) && (options.ids.is_some() || !strays.contains(id)));
+        ids.retain(|id| options.ids.is_some() || !(paired.contains(id) || strays.contains(id)));
         if ids.is_empty() {
             return Err(EvalError::NoImages { path: root });
         }
@@ -373,6 +374,11 @@ mod tests {
         assert_eq!(error.to_string(), "`depth/` has no file that is named `3.0` or within 20 ms of it");
         let error = dataset.image("3.021", &mut Frame::default(), &mut |_| {}).unwrap_err();
         assert!(matches!(error, EvalError::NoPartner { folder: "rgb", .. }), "{error}");
+        let list = root.path().join("ids.txt");
+        std::fs::write(&list, "2.0\n2.015\nthumb\n").unwrap();
+        let options = EvalOptions { ids: Some(list), ..EvalOptions::new(root.path()) };
+        let dataset = Dataset::open(&options, &[], &mut |_| {}).unwrap();
+        assert_eq!(dataset.ids, ["2.0", "2.015", "thumb"], "a list is not shortened");
     }
 
     #[test]
