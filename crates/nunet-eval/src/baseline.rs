@@ -160,6 +160,7 @@ impl Means {
                 Self::All(mean) => mean.add(&truth.depth_m, truth.size),
             };
             if let Err(error) = added {
+                on_event(Event::Finished);
                 on_event(Event::Warning(&format!("no baseline: {error}")));
                 return Ok(None);
             }
