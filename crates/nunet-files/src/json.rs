@@ -29,7 +29,9 @@ pub fn check_writable(path: &Path) -> Result<(), FilesError> {
         options.create(true).append(true).custom_flags(OFlags::NONBLOCK.bits().cast_signed()).open(path);
     opened.map(drop).map_err(FilesError::write_file(path))?;
     if !existed {
-        std::fs::remove_file(path).map_err(FilesError::write_file(path))?;
+        // A link whose target did not exist stays.
+        let file = path.canonicalize().map_err(FilesError::write_file(path))?;
+        std::fs::remove_file(file).map_err(FilesError::write_file(path))?;
     }
     Ok(())
 }
@@ -69,6 +71,10 @@ mod tests {
         let file = folder.path().join("stats.json");
         check_writable(&file).unwrap();
         assert!(!file.exists());
+        let link = folder.path().join("link.json");
+        std::os::unix::fs::symlink("stats.json", &link).unwrap();
+        check_writable(&link).unwrap();
+        assert!(link.is_symlink() && !file.exists());
         let error = check_writable(&folder.path().join("runs/stats.json")).unwrap_err();
         assert!(matches!(error, FilesError::NoFolder { .. }), "{error}");
         assert!(error.hint().unwrap().starts_with("make it first: mkdir -p "), "{error}");
