@@ -153,7 +153,7 @@ fn a_network_that_takes_the_camera_gets_it_at_its_own_size_and_is_not_corrected_
         "[input]\ntensor = \"x\"\nlayout = \"nchw\"\nsize = [2, 4]\n[output]\ndepth = \"y\"\nencoding = \"metric\"",
         "K = \"intrinsics\"",
     );
-    // At 8x4 the camera has fx 6, at the network's 4x2 it has 3; cx 20 becomes 9.75.
+    // At 8x4 the camera has fx 6, at the network's 4x2 it has 3; cx 5 becomes 2.25.
     let known = Camera::pinhole(Intrinsics::new(6.0, 6.0, 5.0, 3.0, 8, 4).unwrap());
     for (element, expected) in [(0, 3.0), (2, 2.25), (4, 3.0), (5, 1.25), (8, 1.0)] {
         let load = || {

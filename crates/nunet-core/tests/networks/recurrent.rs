@@ -8,7 +8,7 @@ use nunet_testkit::onnx::{ModelBuilder, OnnxElement};
 
 use crate::{Folder, SIZE, image, pixels, refusal, run, ticking};
 
-/// A image of its own for each number; the first pixel's red is the number too.
+/// An image of its own for each number; the first pixel's red is the number too.
 fn numbered(number: u8) -> Vec<u8> {
     let mut rgb: Vec<u8> = image(SIZE).iter().map(|value| value.wrapping_mul(number | 1)).collect();
     rgb[0] = number;

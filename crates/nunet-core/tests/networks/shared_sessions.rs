@@ -5,7 +5,7 @@ use nunet_testkit::models;
 
 use crate::{Folder, SIZE, image, run};
 
-/// A image for each stream and frame.
+/// An image for each stream and frame.
 fn numbered(number: u8) -> Vec<u8> {
     image(SIZE).iter().map(|value| value.wrapping_mul(2 * number + 1)).collect()
 }
