@@ -23,6 +23,7 @@ const START_BYTES: usize = 2;
 pub(super) struct JpegReader<R> {
     input: R,
     name: &'static str,
+    max_image_bytes: usize,
     images: u64,
     /// Whether the start of the next image was read within the one before, which has no end.
     is_started: bool,
@@ -43,7 +44,7 @@ impl From<std::io::Error> for Incomplete {
 
 impl<R: BufRead + Send> JpegReader<R> {
     pub(super) fn new(input: R, name: &'static str) -> Self {
-        Self { input, name, images: 0, is_started: false }
+        Self { input, name, max_image_bytes: MAX_IMAGE_BYTES, images: 0, is_started: false }
     }
 
     /// Skips to an image; false if the stream ends before one.
@@ -67,6 +68,10 @@ impl<R: BufRead + Send> JpegReader<R> {
     }
 
     fn byte(&mut self, file: &mut Vec<u8>) -> Result<u8, Incomplete> {
+        // Checked for each byte: data without a marker has no end.
+        if file.len() >= self.max_image_bytes {
+            return Err(Incomplete::TooLong);
+        }
         let mut byte = [0];
         self.input.read_exact(&mut byte)?;
         file.push(byte[0]);
@@ -76,7 +81,7 @@ impl<R: BufRead + Send> JpegReader<R> {
     /// Reads the rest of an image. Segments are skipped by their length: a thumbnail in one has a start and an end of its
     /// own. A start outside of segments is that of the next image; the decoder reports what this one lacks.
     fn read_image(&mut self, file: &mut Vec<u8>) -> Result<(), Incomplete> {
-        while file.len() <= MAX_IMAGE_BYTES {
+        loop {
             while self.byte(file)? != MARKER {}
             let mut marker = MARKER;
             while marker == MARKER {
@@ -100,7 +105,6 @@ impl<R: BufRead + Send> JpegReader<R> {
                 }
             }
         }
-        Err(Incomplete::TooLong)
     }
 
     fn read_segment(&mut self, file: &mut Vec<u8>) -> Result<(), Incomplete> {
@@ -111,7 +115,7 @@ impl<R: BufRead + Send> JpegReader<R> {
 
     /// Copies entropy-coded data up to the byte before the next marker, in which a marker byte is followed by 0.
     fn read_scan(&mut self, file: &mut Vec<u8>) -> Result<(), Incomplete> {
-        while file.len() <= MAX_IMAGE_BYTES {
+        while file.len() < self.max_image_bytes {
             let buffer = self.input.fill_buf()?;
             if buffer.is_empty() {
                 return Err(Incomplete::End);
@@ -138,15 +142,15 @@ impl<R: BufRead + Send> ImageReader for JpegReader<R> {
         (image.format, image.media_nanos) = (None, None);
         self.images += 1;
         let number = self.images;
-        self.read_image(&mut image.bytes).map(|()| true).map_err(|incomplete| match incomplete {
-            Incomplete::End => SourceError::new(
-                SourceErrorKind::CutOff,
-                format!("{} ended within image {number}", self.name),
-            ),
-            Incomplete::Read(error) => unreadable(self.name, error),
+        let read = self.read_image(&mut image.bytes);
+        let (name, most) = (self.name, self.max_image_bytes);
+        read.map(|()| true).map_err(|incomplete| match incomplete {
+            Incomplete::End => {
+                SourceError::new(SourceErrorKind::CutOff, format!("{name} ended within image {number}"))
+            }
+            Incomplete::Read(error) => unreadable(name, error),
             Incomplete::TooLong => {
-                let message =
-                    format!("image {number} of {} is larger than {MAX_IMAGE_BYTES} bytes", self.name);
+                let message = format!("image {number} of {name} is larger than {most} bytes");
                 SourceError::new(SourceErrorKind::Unavailable, message)
             }
         })
@@ -223,6 +227,26 @@ mod tests {
             let error = error.unwrap();
             assert_eq!((images.len(), error.kind()), (1, SourceErrorKind::CutOff), "{error:#}");
             assert_eq!(error.to_string(), "the stream ended within image 2");
+        }
+    }
+
+    #[test]
+    fn an_image_without_an_end_takes_bounded_memory_whatever_follows_its_start() {
+        let segment = [MARKER, 0xe0, 0, 4, 7, 7];
+        let endless: [(&[u8], u8); 4] = [
+            (&[MARKER, START_OF_IMAGE], 0),
+            (&[MARKER, START_OF_IMAGE], MARKER),
+            (&[&[MARKER, START_OF_IMAGE][..], &segment].concat(), 7),
+            (&[&[MARKER, START_OF_IMAGE][..], &[MARKER, START_OF_SCAN, 0, 2]].concat(), 7),
+        ];
+        for (start, rest) in endless {
+            let stream = Cursor::new(start.to_vec()).chain(std::io::repeat(rest));
+            let mut reader = JpegReader::new(BufReader::with_capacity(7, stream), "the stream");
+            reader.max_image_bytes = 1000;
+            let mut image = PipeImage::default();
+            let error = reader.next(&mut image).unwrap_err();
+            assert_eq!(error.to_string(), "image 1 of the stream is larger than 1000 bytes");
+            assert!(image.bytes.len() <= 1007, "{} bytes", image.bytes.len());
         }
     }
 
