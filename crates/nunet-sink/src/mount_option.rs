@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use nunet_core::obstacle::{Mount, ObstacleError, check_angles};
+use nunet_core::obstacle::{Mount, ObstacleError, check_angles, check_position};
 use nunet_mcap::CameraMount;
 use nunet_types::text_with_hint;
 
@@ -40,9 +40,10 @@ impl FromStr for MountOption {
             Ok(&[x, y, z, roll, pitch, yaw])
                 if [x, y, z, roll, pitch, yaw].iter().all(|number| number.is_finite()) =>
             {
-                let roll_pitch_yaw_rad = [roll, pitch, yaw];
-                check_angles(roll_pitch_yaw_rad).map_err(|error| text_with_hint(&error))?;
-                Ok(Self { translation_m: [x, y, z], roll_pitch_yaw_rad })
+                let (translation_m, roll_pitch_yaw_rad) = ([x, y, z], [roll, pitch, yaw]);
+                let checked = check_position(translation_m).and_then(|()| check_angles(roll_pitch_yaw_rad));
+                checked.map_err(|error| text_with_hint(&error))?;
+                Ok(Self { translation_m, roll_pitch_yaw_rad })
             }
             _ => Err("expected six numbers `x,y,z,roll,pitch,yaw`: meters, then radians".to_owned()),
         }
@@ -62,5 +63,7 @@ mod tests {
         }
         let degrees = "0,0,0.3,0,15,90".parse::<MountOption>().unwrap_err();
         assert!(degrees.contains("pitch is 15") && degrees.contains("radians"), "{degrees}");
+        let far = "0,0,-1e300,0,0,0".parse::<MountOption>().unwrap_err();
+        assert!(far.contains("1e300 m from the base") && far.len() < 200, "{far}");
     }
 }

@@ -18,8 +18,16 @@ pub enum ObstacleError {
         /// Its value.
         value: f64,
     },
+    /// A camera that is not on a robot.
+    #[error("mount: the camera is {} m from the base, expected at most {max_m}", shown(*distance_m))]
+    MountTooFar {
+        /// The distance from the origin of the base, meters.
+        distance_m: f64,
+        /// The largest distance, meters.
+        max_m: f64,
+    },
     /// An angle of the mount beyond a whole turn.
-    #[error("mount: {what} is {value}, expected -2π to 2π")]
+    #[error("mount: {what} is {}, expected -2π to 2π", shown(*value))]
     MountAngle {
         /// The angle.
         what: &'static str,
@@ -27,7 +35,7 @@ pub enum ObstacleError {
         value: f64,
     },
     /// A camera that is not above the floor.
-    #[error("mount: the camera is {height_m} m above the floor, expected more than 0")]
+    #[error("mount: the camera is {} m above the floor, expected more than 0", shown(*height_m))]
     CameraBelowFloor {
         /// The camera's height, meters.
         height_m: f64,
@@ -66,6 +74,12 @@ pub enum ObstacleError {
     },
 }
 
+/// A number without a long row of zeros: 1e300, not 301 digits.
+fn shown(value: f64) -> String {
+    let is_plain = value == 0.0 || (1e-6..1e6).contains(&value.abs());
+    if is_plain { value.to_string() } else { format!("{value:e}") }
+}
+
 impl ObstacleError {
     /// [`ErrorKind::Buffer`] for a wrong size, [`ErrorKind::Argument`] for all others.
     #[must_use]
@@ -80,6 +94,7 @@ impl ObstacleError {
 impl Hint for ObstacleError {
     fn hint(&self) -> Option<Cow<'static, str>> {
         match self {
+            Self::MountTooFar { .. } => Some("give the position in meters".into()),
             Self::MountAngle { .. } => Some("give angles in radians: 90 degrees are 1.571".into()),
             Self::CameraBelowFloor { .. } => {
                 Some("give z as the camera's height above the floor, in meters".into())

@@ -9,6 +9,9 @@ use super::ObstacleError;
 /// The steepest view upward, degrees. Beyond it no ordinary lens sees the floor.
 const MAX_ELEVATION_DEG: f64 = 80.0;
 
+/// The farthest camera from the base: no robot is that large, and a larger number is no length in meters.
+const MAX_DISTANCE_M: f64 = 1000.0;
+
 /// The camera in the leveled base frame of the robot (REP 103: x forward, y left, z up), whose origin is on the floor.
 ///
 /// # Example: 0.25 m above the floor, 4 degrees up
@@ -36,8 +39,8 @@ impl Mount {
     /// down.
     ///
     /// # Errors
-    /// Numbers that are not finite, angles beyond a turn, a camera that is not above the floor, or one that looks up by more than
-    /// 80 degrees.
+    /// Numbers that are not finite, a position beyond 1 km, angles beyond a turn, a camera that is not above the floor, or one
+    /// that looks up by more than 80 degrees.
     pub fn new(position_m: [f64; 3], roll_pitch_yaw_rad: [f64; 3]) -> Result<Self, ObstacleError> {
         let [x, y, z] = position_m;
         let [roll, pitch, yaw] = roll_pitch_yaw_rad;
@@ -45,6 +48,7 @@ impl Mount {
         if let Some((what, value)) = named.into_iter().find(|(_, value)| !value.is_finite()) {
             return Err(ObstacleError::MountNotFinite { what, value });
         }
+        check_position(position_m)?;
         check_angles(roll_pitch_yaw_rad)?;
         if z <= 0.0 {
             return Err(ObstacleError::CameraBelowFloor { height_m: z });
@@ -119,6 +123,19 @@ impl Mount {
     }
 }
 
+/// Checks that a camera is at most 1 km from the origin of the base.
+///
+/// # Errors
+/// It is farther, or a number is NaN.
+pub fn check_position([x, y, z]: [f64; 3]) -> Result<(), ObstacleError> {
+    let distance_m = x.hypot(y).hypot(z);
+    if distance_m <= MAX_DISTANCE_M {
+        Ok(())
+    } else {
+        Err(ObstacleError::MountTooFar { distance_m, max_m: MAX_DISTANCE_M })
+    }
+}
+
 /// Checks that roll, pitch and yaw are within a turn of 2π. Larger numbers are degrees.
 ///
 /// # Errors
@@ -176,6 +193,19 @@ mod tests {
     }
 
     #[test]
+    fn an_error_prints_no_long_row_of_zeros() {
+        for (position, rotation, expected) in [
+            ([0.0, 0.0, 1e300], [0.0; 3], "mount: the camera is 1e300 m from the base"),
+            ([0.0, 0.0, 1.0], [0.0, 1e300, 0.0], "mount: pitch is 1e300, expected -2π to 2π"),
+            ([0.0, 0.0, -1e-300], [0.0; 3], "mount: the camera is -1e-300 m above the floor"),
+            ([0.0, 0.0, -0.25], [0.0; 3], "mount: the camera is -0.25 m above the floor"),
+        ] {
+            let text = kind(position, rotation).to_string();
+            assert!(text.starts_with(expected), "{text}");
+        }
+    }
+
+    #[test]
     fn invalid_mounts_are_refused() {
         assert!(matches!(kind([0.0, 0.0, 0.0], [0.0; 3]), ObstacleError::CameraBelowFloor { .. }));
         assert!(matches!(kind([0.0, 0.0, -1.0], [0.0; 3]), ObstacleError::CameraBelowFloor { .. }));
@@ -187,6 +217,10 @@ mod tests {
             assert!(matches!(error, ObstacleError::MountAngle { .. }), "{error}");
         }
         assert!(Mount::new([0.0, 0.0, 1.0], [0.0, 0.0, -TAU]).is_ok(), "a whole turn");
+        assert!(Mount::new([600.0, 0.0, 800.0], [0.0; 3]).is_ok(), "1 km");
+        for far in [[1001.0, 0.0, 1.0], [0.0, -1e300, 1.0], [0.0, 0.0, 1e308]] {
+            assert!(matches!(kind(far, [0.0; 3]), ObstacleError::MountTooFar { .. }), "{far:?}");
+        }
         for index in 0..6 {
             let mut numbers = [0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
             numbers[index] = f64::NAN;
