@@ -19,11 +19,11 @@ pub(crate) const TIMEOUT: Duration = Duration::from_secs(60);
 /// Width and height of the demo scene, which is that of the test networks too.
 pub(crate) const SIZE: (u32, u32) = (640, 480);
 
-/// The folder of the shared memory of these tests, because the default one may belong to another user.
+/// The folder of the shared memory of these tests.
 pub(crate) fn ipc_root() -> &'static Path {
     static ROOT: OnceLock<PathBuf> = OnceLock::new();
     ROOT.get_or_init(|| {
-        let root = std::env::temp_dir().join(format!("nunet-{}", rustix::process::geteuid().as_raw()));
+        let root = nunet_testkit::ipc_root();
         nunet_ipc::use_root(&root).unwrap();
         root
     })

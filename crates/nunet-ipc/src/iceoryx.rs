@@ -25,6 +25,12 @@ pub const ROOT_VARIABLE: &str = "NUNET_IPC_ROOT";
 /// bytes.
 const MAX_ROOT_BYTES: usize = 40;
 
+/// Unit tests have their own root, because the default one may belong to another user.
+#[cfg(test)]
+const ROOT_OF_UNIT_TESTS: Option<fn() -> PathBuf> = Some(nunet_testkit::ipc_root);
+#[cfg(not(test))]
+const ROOT_OF_UNIT_TESTS: Option<fn() -> PathBuf> = None;
+
 static ROOT: OnceLock<PathBuf> = OnceLock::new();
 static CONFIG: OnceLock<Result<Config, IpcRootError>> = OnceLock::new();
 
@@ -71,17 +77,12 @@ fn configured() -> &'static Result<Config, IpcRootError> {
     CONFIG.get_or_init(|| {
         let from_environment = || std::env::var_os(ROOT_VARIABLE).filter(|root| !root.is_empty());
         let from_environment = || from_environment().map(|root| one_spelling(Path::new(&root)));
-        match ROOT.get().cloned().or_else(from_environment).or_else(root_of_unit_tests) {
+        let of_tests = || ROOT_OF_UNIT_TESTS.map(|root| root());
+        match ROOT.get().cloned().or_else(from_environment).or_else(of_tests) {
             Some(root) => config_in(&root).map_err(|reason| IpcRootError { root, reason }),
             None => Ok(Config::global_config().clone()),
         }
     })
-}
-
-/// Unit tests have their own root, because the default one may belong to another user.
-fn root_of_unit_tests() -> Option<PathBuf> {
-    let name = || format!("nunet-{}", rustix::process::geteuid().as_raw());
-    cfg!(test).then(|| std::env::temp_dir().join(name()))
 }
 
 /// One spelling for `/x/ipc`, `/x/ipc/`, `//x/ipc`, `/x/./ipc` and `/x/y/../ipc`: processes that spell the root differently

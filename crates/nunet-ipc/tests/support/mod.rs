@@ -21,9 +21,9 @@ pub(crate) const WIDTH: usize = 32;
 /// Rows of the test frames.
 pub(crate) const HEIGHT: usize = 24;
 
-/// A root for all tests of this user, so that they pass on a machine where another user owns the default one.
+/// The root of all tests of this user.
 pub(crate) fn private_root() -> PathBuf {
-    let root = std::env::temp_dir().join(format!("nunet-{}", rustix::process::geteuid().as_raw()));
+    let root = nunet_testkit::ipc_root();
     nunet_ipc::use_root(&root).unwrap();
     root
 }
@@ -47,7 +47,7 @@ pub(crate) fn plan(topic: Topic) -> TopicPlan {
     TopicPlan { topic, payload_bytes: WIDTH * HEIGHT * pixel_bytes }
 }
 
-/// An publisher of small frames with the default limits.
+/// A publisher of small frames with the default limits.
 pub(crate) fn publisher(camera: &CameraName, topics: &[Topic]) -> Publisher {
     let plans: Vec<_> = topics.iter().map(|topic| plan(*topic)).collect();
     Publisher::create(camera, &plans, &Limits::default()).unwrap()
