@@ -18,7 +18,7 @@ use std::sync::OnceLock;
 use rustix::fs::{Access as Asked, AtFlags, CWD, Mode, OFlags};
 use rustix::io::Errno;
 
-use crate::error::IpcError;
+use crate::error::{IpcError, PERMISSIONS, is_closed_by_mode};
 use crate::iceoryx::{check_root, config, pid_of, root, shared_memory_prefix};
 use crate::plan::SHARED_MEMORY_FOLDER;
 
@@ -180,7 +180,7 @@ pub fn share_with(access: Access) -> Result<(), IpcError> {
 /// Checks that this user may use iceoryx2's folder. Returns one line of text.
 ///
 /// # Errors
-/// [`IpcError::NoAccess`].
+/// [`IpcError::NoAccess`], [`IpcError::FolderClosed`].
 pub fn check_folder() -> Result<String, IpcError> {
     let folder = root();
     let Some(found) = usable_folder()? else { return Ok(format!("`{}` is not there yet", folder.display())) };
@@ -195,7 +195,7 @@ pub fn check_folder() -> Result<String, IpcError> {
 /// iceoryx2's folder, if it is there and this user may use it. Cheap enough for a loop that waits: it reads no list of groups.
 ///
 /// # Errors
-/// [`IpcError::NoAccess`].
+/// [`IpcError::NoAccess`], [`IpcError::FolderClosed`].
 pub(crate) fn usable_folder() -> Result<Option<Metadata>, IpcError> {
     check_root()?;
     let folder = root();
@@ -209,9 +209,16 @@ pub(crate) fn usable_folder() -> Result<Option<Metadata>, IpcError> {
         return Err(IpcError::Root { root: folder, reason: "its file system is read-only" });
     }
     if access.is_err() {
-        return Err(IpcError::NoAccess { folder, uid: found.uid(), group: group_name(found.gid()) });
+        return Err(no_access(folder, &found));
     }
     Ok(Some(found))
+}
+
+fn no_access(folder: PathBuf, found: &Metadata) -> IpcError {
+    if is_closed_by_mode(found.uid(), found.mode(), rustix::process::geteuid()) {
+        return IpcError::FolderClosed { folder, mode: found.mode() & PERMISSIONS };
+    }
+    IpcError::NoAccess { folder, uid: found.uid(), group: group_name(found.gid()) }
 }
 
 /// Checks that not every user may write the payload in shared memory. Returns one line of text.

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::{StatVfsMountFlags, statvfs};
 use rustix::io::Errno;
-use rustix::process::{Resource, getrlimit};
+use rustix::process::{Resource, Uid, geteuid, getrlimit};
 
 use crate::plan::SHARED_MEMORY_FOLDER;
 
@@ -33,6 +33,8 @@ enum Problem {
     Full(PathBuf),
     /// Nothing can be created in a folder.
     NoAccess { folder: PathBuf, uid: u32 },
+    /// A folder belongs to this user, but its mode closes it.
+    Closed { folder: PathBuf, mode: u32 },
     /// The process has as many files open as it may.
     TooManyFiles,
     /// The process may write files of so many bytes at most.
@@ -82,6 +84,7 @@ impl IceoryxCause {
             Problem::NoAccess { .. } => {
                 "set NUNET_IPC_ROOT to a folder that this user may write, or run as that user".to_owned()
             }
+            Problem::Closed { folder, .. } => hint_for_closed(folder),
             Problem::TooManyFiles => "raise the limit with `ulimit -n 1024`".to_owned(),
             Problem::SmallFiles(_) => "raise the limit with `ulimit -f unlimited`".to_owned(),
             Problem::Denied => format!(
@@ -117,6 +120,9 @@ impl fmt::Display for IceoryxCause {
             Problem::Full(folder) => write!(f, "`{}` is full", folder.display()),
             Problem::NoAccess { folder, uid } => {
                 write!(f, "nothing can be created in `{}`, which belongs to user {uid}", folder.display())
+            }
+            Problem::Closed { folder, mode } => {
+                write!(f, "the mode of `{}` is {mode:03o}, expected at least 700", folder.display())
             }
             Problem::TooManyFiles => f.write_str("this process has as many files open as it may"),
             Problem::SmallFiles(bytes) => write!(f, "this process may write files of at most {bytes} bytes"),
@@ -221,15 +227,39 @@ fn problem_of(folder: &Path) -> Option<Problem> {
     }
     // Not asked but tried: some file systems refuse what their permissions allow.
     let probe = folder.join(format!("nunet-{}", std::process::id()));
-    let uid = metadata(folder).ok()?.uid();
+    let found = metadata(folder).ok()?;
     match create_dir(&probe) {
         Ok(()) => {
             let _ = remove_dir(&probe); // an empty folder that stays does no harm
             None
         }
         Err(error) if error.kind() == io::ErrorKind::AlreadyExists => None,
-        Err(_) => Some(Problem::NoAccess { folder: folder.to_owned(), uid }),
+        Err(_) => Some(refused(folder.to_owned(), found.uid(), found.mode())),
     }
+}
+
+/// Why this user can create nothing in a folder of `uid`.
+fn refused(folder: PathBuf, uid: u32, mode: u32) -> Problem {
+    if is_closed_by_mode(uid, mode, geteuid()) {
+        Problem::Closed { folder, mode: mode & PERMISSIONS }
+    } else {
+        Problem::NoAccess { folder, uid }
+    }
+}
+
+/// Whether it is its own mode that keeps a user out of a folder of `uid`, as a umask of 0777 does. Modes do not bind root.
+pub(crate) fn is_closed_by_mode(uid: u32, mode: u32, user: Uid) -> bool {
+    const OWNER_ALL: u32 = 0o700;
+    !user.is_root() && uid == user.as_raw() && mode & OWNER_ALL != OWNER_ALL
+}
+
+/// The bits of a mode without those of the kind of file.
+pub(crate) const PERMISSIONS: u32 = 0o7777;
+
+/// What opens a folder that its own mode closes.
+pub(super) fn hint_for_closed(folder: &Path) -> String {
+    let shown = folder.display();
+    format!("run `chmod u+rwx {shown}`; if a new folder has this mode too, start with `umask 022`")
 }
 
 #[cfg(test)]
@@ -274,6 +304,21 @@ mod tests {
         }
         assert!(has_a_type_name("EventOpenError(InternalFailure)"));
         assert_eq!(Problem::of("a name of a later version"), Problem::Internal);
+    }
+
+    #[test]
+    fn a_folder_that_its_own_mode_closes_is_not_blamed_on_another_user() {
+        let user = Uid::from_raw(1000);
+        for mode in [0o040_000, 0o040_077, 0o041_500, 0o040_600] {
+            assert!(is_closed_by_mode(1000, mode, user), "{mode:o}");
+            assert!(!is_closed_by_mode(1001, mode, user), "{mode:o}");
+            assert!(!is_closed_by_mode(0, mode, Uid::ROOT), "{mode:o}");
+        }
+        assert!(!is_closed_by_mode(1000, 0o040_700, user));
+        let problem = Problem::Closed { folder: "/tmp/robot".into(), mode: 0 };
+        let cause = IceoryxCause { problem, root: "/tmp/robot".into(), variant: String::new() };
+        assert_eq!(cause.to_string(), "the mode of `/tmp/robot` is 000, expected at least 700");
+        assert!(cause.hint().contains("chmod u+rwx /tmp/robot") && cause.hint().contains("umask"));
     }
 
     #[test]

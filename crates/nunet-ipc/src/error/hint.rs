@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use nunet_types::Hint;
 
 use super::IpcError;
+use super::cause::hint_for_closed;
 use crate::plan::SHARED_MEMORY_FOLDER;
 
 impl Hint for IpcError {
@@ -74,6 +75,7 @@ impl IpcError {
                 "run as user {uid}, or join a group that the publisher shares its memory with \
                  (`usermod -aG GROUP USER`), then log in again"
             ),
+            Self::FolderClosed { folder, .. } => hint_for_closed(folder),
             Self::CannotJoin { cause, .. } | Self::Iceoryx { cause, .. } => cause.hint(),
             _ => return None,
         })
@@ -92,6 +94,7 @@ mod tests {
             IpcError::UnknownGroup { group: "robots".into() },
             IpcError::iceoryx("publish", "InternalFailure"),
             IpcError::NoAccess { folder: "/tmp/iceoryx2".into(), uid: 7, group: "`robots` (5)".into() },
+            IpcError::FolderClosed { folder: "/tmp/iceoryx2".into(), mode: 0 },
         ];
         for error in errors {
             let hint = error.hint().unwrap();

@@ -66,7 +66,8 @@ impl IpcError {
             Self::Access { .. }
             | Self::FolderOfOthers { .. }
             | Self::PayloadOpen { .. }
-            | Self::NoAccess { .. } => Kind::Access,
+            | Self::NoAccess { .. }
+            | Self::FolderClosed { .. } => Kind::Access,
             Self::Locked { .. } | Self::Remove { .. } | Self::CannotJoin { .. } | Self::Iceoryx { .. } => {
                 Kind::System
             }

@@ -15,6 +15,7 @@ use crate::plan::{Reservation, SHARED_MEMORY_FOLDER, megabytes};
 use crate::process::Process;
 
 pub use cause::IceoryxCause;
+pub(crate) use cause::{PERMISSIONS, is_closed_by_mode};
 pub use kind::IpcErrorKind;
 
 /// The errors of this crate, except those with a type of their own
@@ -264,6 +265,14 @@ pub enum IpcError {
         uid: u32,
         /// Its group.
         group: String,
+    },
+    /// iceoryx2's folder belongs to this user, but its mode closes it.
+    #[error("the mode of `{}` is {mode:03o}, expected at least 700", folder.display())]
+    FolderClosed {
+        /// The folder.
+        folder: PathBuf,
+        /// Its mode.
+        mode: u32,
     },
     /// This process cannot use shared memory at all.
     #[error("cannot use shared memory with the folder `{}`: {cause}", root.display())]
