@@ -2,6 +2,7 @@
 //! encodes and sends it. While that thread is busy, a newer frame replaces the waiting one.
 
 mod diagnostics;
+mod other_publishers;
 
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -19,6 +20,7 @@ use nunet_source::{Mailbox, Reuse, Taken};
 use nunet_telemetry::{Counts, MessageCounts, RateLimit, Stability};
 use tracing::{info, warn};
 
+use self::other_publishers::OtherPublishers;
 use crate::frame_messages::FrameEncoder;
 use crate::messages::{LabelInfo, header_now};
 use crate::options::{CameraOptions, DepthFormat};
@@ -164,6 +166,7 @@ pub(crate) struct CameraThread {
     about: Vec<(&'static str, String)>,
     message: Vec<u8>,
     failures: RateLimit,
+    others: OtherPublishers,
     /// Connections that have not announced the node yet.
     unannounced: Vec<Arc<dyn Link>>,
     links: Vec<Arc<dyn Link>>,
@@ -196,6 +199,8 @@ impl CameraThread {
             network,
             state: Mutex::default(),
         });
+        let own_topic = outputs.iter().map(|(topic, _)| *topic).find(|topic| topic.is_of_one_camera());
+        let own_topic = own_topic.map(|topic| topic.of_camera(camera.name));
         Self {
             shared,
             outputs,
@@ -207,6 +212,7 @@ impl CameraThread {
             about: camera.about.to_vec(),
             message: Vec::new(),
             failures: RateLimit::default(),
+            others: OtherPublishers::new(own_topic, Instant::now()),
             unannounced,
             links,
         }
@@ -223,6 +229,7 @@ impl CameraThread {
             if diagnosed.elapsed() >= DIAGNOSTICS_PERIOD {
                 self.unannounced.retain(|link| link.announce_nodes().is_err());
                 self.check_links();
+                self.others.check(&self.links, Instant::now());
                 self.send_diagnostics();
                 diagnosed = Instant::now();
             }

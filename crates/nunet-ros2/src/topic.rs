@@ -101,11 +101,17 @@ impl Topic {
         }
     }
 
+    /// Whether it is below `/CAMERA/`. The other topics belong to all cameras.
+    #[must_use]
+    pub fn is_of_one_camera(self) -> bool {
+        !self.name().starts_with('/')
+    }
+
     /// The full name of the topic of `camera`.
     #[must_use]
     pub fn of_camera(self, camera: &str) -> String {
         let name = self.name();
-        if name.starts_with('/') { name.to_owned() } else { format!("/{camera}/{name}") }
+        if self.is_of_one_camera() { format!("/{camera}/{name}") } else { name.to_owned() }
     }
 
     /// The type of its messages.

@@ -7,6 +7,7 @@ use nunet_source::Frame;
 use nunet_telemetry::{DrainTimeout, Totals};
 use nunet_types::ImageSize;
 
+use super::other_publishers::LOOK_PERIOD;
 use super::*;
 use crate::messages::DiagnosticStatus;
 use crate::options::Topics;
@@ -213,6 +214,8 @@ fn a_transport_that_hangs_or_panics_holds_up_neither_frames_nor_the_shutdown() {
 struct LateLink {
     announcements: AtomicUsize,
     dropped: AtomicU64,
+    /// The topic that another node publishes, if one does.
+    published: Option<&'static str>,
 }
 
 impl Link for LateLink {
@@ -233,8 +236,9 @@ impl Link for LateLink {
         Err(Ros2Error::Transport { name: "shy" })
     }
 
-    fn published_types(&self, _topic: &str) -> Result<Vec<String>, Ros2Error> {
-        Ok(Vec::new())
+    fn published_types(&self, topic: &str) -> Result<Vec<String>, Ros2Error> {
+        let is_published = self.published == Some(topic);
+        Ok(is_published.then(|| "sensor_msgs/msg/LaserScan".to_owned()).into_iter().collect())
     }
 
     fn announce_nodes(&self) -> Result<(), Ros2Error> {
@@ -266,4 +270,18 @@ fn a_node_that_could_not_be_announced_is_announced_later() {
     assert_eq!(sink.finish(None).wait(&mut DrainTimeout::new(&|| false)).unwrap(), Outcome::Done);
     assert_eq!(link.announcements.load(Ordering::Relaxed), 2, "once is enough");
     assert_eq!(counts.not_taken(), 3, "what was dropped in the end is counted, too");
+}
+
+#[test]
+fn another_publisher_of_the_topics_of_a_camera_is_reported_once() {
+    let (start, own) = (Instant::now(), Some("/front/scan".to_owned()));
+    let link = |published| Arc::new(LateLink { published, ..LateLink::default() }) as Arc<dyn Link>;
+    let both = [link(None), link(Some("/front/scan"))];
+    let reports = |links: &[Arc<dyn Link>], own: Option<String>| {
+        let mut others = OtherPublishers::new(own, start);
+        (0..40_u32).filter(|tenth| others.check(links, start + LOOK_PERIOD * *tenth / 10)).collect::<Vec<_>>()
+    };
+    assert_eq!(reports(&both, own.clone()), [10], "not before nodes had the time to find each other");
+    assert!(reports(&[link(Some("/rear/scan"))], own.clone()).is_empty());
+    assert!(reports(&[], own).is_empty() && reports(&both, None).is_empty());
 }
