@@ -83,15 +83,15 @@ impl ImageConverter {
 struct CameraCache {
     made_of: Option<(CameraDescription, ImageSize, u8)>,
     camera: Option<Camera>,
-    /// Why cameras were not used, as far as it was reported.
+    /// What was reported: why cameras were not used, and what was ignored or assumed of the others.
     reported: Vec<String>,
 }
 
-/// The most reasons that are reported: a faulty driver may give another one with every image.
-const MAX_REASONS: usize = 8;
+/// The most reports: a faulty driver may cause another one with every image.
+const MAX_REPORTS: usize = 8;
 
 impl CameraCache {
-    /// The camera at the image's size. One that makes no sense is not used, and each reason is reported once.
+    /// The camera at the image's size. One that makes no sense is not used. Each problem is reported once.
     fn camera(
         &mut self,
         topic: &str,
@@ -105,24 +105,28 @@ impl CameraCache {
         };
         if !self.made_of.as_ref().is_some_and(is_same) {
             self.made_of = Some((described.clone(), size, orientation.to_exif()));
-            self.camera = camera(described, size, orientation)
-                .inspect_err(|error| {
-                    if self.is_news(error) {
-                        warn!("the camera of topic `{topic}` is not used: {error}");
-                    }
-                })
-                .ok();
+            let mut notes = Vec::new();
+            self.camera = match camera(described, size, orientation, &mut notes) {
+                Ok(camera) => Some(camera),
+                Err(reason) => {
+                    notes.push(format!("it is not used: {reason}"));
+                    None
+                }
+            };
+            for note in notes {
+                self.report(topic, note);
+            }
         }
         self.camera
     }
 
-    /// Whether a reason was not reported before. A description is no help: one with NaN differs from itself.
-    fn is_news(&mut self, reason: &str) -> bool {
-        let is_new = self.reported.len() < MAX_REASONS && !self.reported.iter().any(|known| known == reason);
-        if is_new {
-            self.reported.push(reason.to_owned());
+    /// Logs what was not reported before. A description is no help: one with NaN differs from itself, and that of a camera
+    /// with autofocus changes with every image.
+    fn report(&mut self, topic: &str, note: String) {
+        if self.reported.len() < MAX_REPORTS && !self.reported.contains(&note) {
+            warn!("the camera of topic `{topic}`: {note}");
+            self.reported.push(note);
         }
-        is_new
     }
 }
 
@@ -162,11 +166,12 @@ fn layout(encoding: Option<ImageEncoding>) -> Option<RawLayout> {
 }
 
 /// The camera of an image of `size` that was turned as `orientation` states. The description is of the image
-/// before.
+/// before. What of it is ignored or assumed is added to `notes`.
 fn camera(
     described: &CameraDescription,
     size: ImageSize,
     orientation: Orientation,
+    notes: &mut Vec<String>,
 ) -> Result<Camera, String> {
     if let Some(fault) = &described.fault {
         return Err(fault.clone());
@@ -181,12 +186,10 @@ fn camera(
     let (width, height, region) = (described.width, described.height, SensorRegion::default());
     let info = RosCameraInfo { width, height, k: &k, distortion_model, d, region };
     let calibration = Calibration::from_ros(&info).map_err(|error| error.to_string())?;
-    if let Some(skew) = calibration.ignored_skew() {
-        warn!("{skew}");
-    }
-    if let Some(model) = calibration.assumed_model() {
-        warn!("the camera names no distortion model: its {} coefficients are read as `{model}`", d.len());
-    }
+    notes.extend(calibration.ignored_skew().map(|skew| skew.to_string()));
+    notes.extend(calibration.assumed_model().map(|model| {
+        format!("it names no distortion model: its {} coefficients are read as `{model}`", d.len())
+    }));
     let camera = oriented_camera(&calibration.camera(), orientation).map_err(|error| error.to_string())?;
     camera.fitted_to(size.width, size.height).map_err(|error| error.to_string())
 }
@@ -205,7 +208,7 @@ mod tests {
                 coefficients: coefficients.to_vec(),
                 ..CameraDescription::default()
             };
-            camera(&described, ImageSize::new(640, 480), Orientation::NoTransforms)
+            camera(&described, ImageSize::new(640, 480), Orientation::NoTransforms, &mut Vec::new())
                 .map(|camera| camera.distortion.to_ros())
         };
         let (barrel, none) = ([-0.3, 0.1, 0.001, 0.0005, 0.02], ("plumb_bob", vec![0.0; 5]));
@@ -222,13 +225,12 @@ mod tests {
             intrinsics: [500.0, 500.0, 320.0, 240.0],
             ..CameraDescription::default()
         };
-        assert_eq!(
-            camera(&described, ImageSize::new(320, 240), Orientation::NoTransforms).unwrap().intrinsics.fx_px,
-            250.0
-        );
+        let small = |described: &CameraDescription| {
+            camera(described, ImageSize::new(320, 240), Orientation::NoTransforms, &mut Vec::new())
+        };
+        assert_eq!(small(&described).unwrap().intrinsics.fx_px, 250.0);
         let faulty = CameraDescription { fault: Some("its region of interest is none".into()), ..described };
-        let error = camera(&faulty, ImageSize::new(320, 240), Orientation::NoTransforms).unwrap_err();
-        assert_eq!(error, "its region of interest is none");
+        assert_eq!(small(&faulty).unwrap_err(), "its region of interest is none");
     }
 
     #[test]
@@ -254,7 +256,26 @@ mod tests {
         let flips = [f64::NAN, 500.0, f64::NAN, 500.0, f64::INFINITY, f64::NAN];
         assert_eq!(flips.map(|fx_px| reported(fx_px, None)), [1, 1, 1, 1, 2, 2]);
         let last = (0..100).map(|fault| reported(500.0, Some(fault.to_string()))).last();
-        assert_eq!(last, Some(MAX_REASONS), "a driver cannot fill the log");
+        assert_eq!(last, Some(MAX_REPORTS), "a driver cannot fill the log");
+    }
+
+    /// A camera with autofocus describes itself anew with every image.
+    #[test]
+    fn what_is_assumed_of_a_camera_is_reported_once_and_not_for_every_description() {
+        let mut cache = CameraCache::default();
+        for image in 0..50 {
+            let described = CameraDescription {
+                width: 640,
+                height: 480,
+                intrinsics: [500.0 + f64::from(image), 500.0, 320.0, 240.0],
+                coefficients: vec![-0.3, 0.1, 0.0, 0.0, 0.0],
+                ..CameraDescription::default()
+            };
+            let size = ImageSize::new(640, 480);
+            assert!(cache.camera("/c", Some(&described), size, Orientation::NoTransforms).is_some());
+        }
+        let expected = "it names no distortion model: its 5 coefficients are read as `plumb_bob`";
+        assert_eq!(cache.reported, [expected]);
     }
 
     /// The frame of a PNG on a topic.
