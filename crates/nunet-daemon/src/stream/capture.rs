@@ -63,13 +63,16 @@ impl FrameHandler for MailboxFiller<'_> {
     }
 
     /// If the source lends no more frames, the waiting frame is dropped for a newer one. If none waits, the one being
-    /// processed will be returned soon.
+    /// processed will be returned soon, and the one that is kept for late readers is requested.
     fn on_idle(&mut self, frame: Frame, is_crowded: bool) {
         let StreamState { mailbox, ledger, stop, .. } = self.state;
         mailbox.give_back(frame);
         match is_crowded {
             true if mailbox.recall() => ledger.ended(FrameEnd::Superseded),
-            true => stop.sleep(CROWDED_PAUSE),
+            true => {
+                self.state.request_frame();
+                stop.sleep(CROWDED_PAUSE);
+            }
             false => {}
         }
     }

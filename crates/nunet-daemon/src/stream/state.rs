@@ -19,18 +19,34 @@ pub(crate) struct StreamState {
     pub(crate) span: Span,
     is_waiting: AtomicBool,
     has_reported_waiting: AtomicBool,
+    /// Whether the source needs a frame back that the inference thread keeps.
+    needs_frame: AtomicBool,
+    notify: Arc<Notify>,
 }
 
 impl StreamState {
     pub(crate) fn new(stop: Stop, notify: Arc<Notify>, span: Span) -> Self {
         Self {
-            mailbox: Mailbox::with_notify(notify),
+            mailbox: Mailbox::with_notify(Arc::clone(&notify)),
             ledger: Ledger::default(),
             stop,
             span,
             is_waiting: false.into(),
             has_reported_waiting: false.into(),
+            needs_frame: false.into(),
+            notify,
         }
+    }
+
+    /// Requests the frame that the inference thread keeps: the source lends no other before.
+    pub(super) fn request_frame(&self) {
+        self.needs_frame.store(true, Ordering::Relaxed);
+        self.notify.notify();
+    }
+
+    /// Whether a frame was requested since the last call.
+    pub(super) fn take_frame_request(&self) -> bool {
+        self.needs_frame.swap(false, Ordering::Relaxed)
     }
 
     /// Whether the source waits for its device or publisher.

@@ -197,6 +197,7 @@ impl StreamTask {
 
     /// The source is paused: readers may have joined meanwhile, and frames may have failed before they came here.
     fn idle(&mut self, state: &StreamState) {
+        self.give_back_if_requested(state);
         if self.served.elapsed() < LATE_JOINER_PERIOD {
             return;
         }
@@ -227,11 +228,7 @@ impl StreamTask {
         if self.failure.is_some() {
             state.mailbox.close();
         }
-        if end == FrameEnd::Published && self.can_serve_late_readers() {
-            self.kept = Some(frame);
-        } else {
-            state.mailbox.give_back(frame);
-        }
+        self.keep_or_give_back(frame, end, state);
         self.totals.add_allocations(before, allocations_of_this_thread());
         self.served = Instant::now();
         end

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use nunet_core::graph::{GraphOptions, Provider, Runtime, SerialGraph};
 use nunet_core::pipeline::{Pipeline, PipelineOptions};
-use nunet_ipc::{CameraName, Limits, Reader, Topic, monotonic_nanos};
+use nunet_ipc::{CameraName, Encoding, Limits, Publisher, Reader, Topic, TopicPlan, monotonic_nanos};
 use nunet_sink::archive::Archive;
 use nunet_sink::last_frame::last_frame_into;
 use nunet_sink::record::RecordedFrame;
@@ -21,7 +21,7 @@ use crate::Outcome;
 use crate::config::Publish;
 use crate::sink::Sink;
 use crate::sink::shm::{ShmPublisher, ShmPublisherOptions};
-use crate::source::{CameraGeometry, CameraResolver, Fill, Frame};
+use crate::source::{CameraGeometry, CameraResolver, Fill, Frame, OpenOptions, SourceName};
 use nunet_telemetry::DrainTimeout;
 
 /// No test waits longer for anything.
@@ -141,11 +141,20 @@ fn recorder(disk: &Arc<Disk>, notify: &Arc<Notify>) -> Vec<Box<dyn Sink>> {
 }
 
 fn stream(name: &CameraName, source: Gray, sinks: Vec<Box<dyn Sink>>) -> Stream {
+    stream_of(name, Box::new(source), &[Publish::Depth], sinks)
+}
+
+fn stream_of(
+    name: &CameraName,
+    source: Box<dyn Source>,
+    publish: &[Publish],
+    sinks: Vec<Box<dyn Sink>>,
+) -> Stream {
     let pipeline = pipeline();
     let options = ShmPublisherOptions {
         camera: name,
         frame_id: "camera",
-        publish: &[Publish::Depth],
+        publish,
         obstacles: false,
         limits: Limits::default(),
         model: "model.onnx",
@@ -154,7 +163,7 @@ fn stream(name: &CameraName, source: Gray, sinks: Vec<Box<dyn Sink>>) -> Stream 
     nunet_ipc::use_root(&nunet_testkit::ipc_root()).unwrap();
     let publisher = ShmPublisher::open(&pipeline, &options).unwrap();
     let task = StreamTask::new(pipeline, CameraResolver::default(), publisher, sinks);
-    Stream { source: Box::new(source), pace: Pace::ALL, task, span: Span::none() }
+    Stream { source, pace: Pace::ALL, task, span: Span::none() }
 }
 
 /// Waits until a frame of at least this number is out.
@@ -269,6 +278,43 @@ fn a_camera_whose_last_frame_cannot_be_written_delays_no_other() {
         let mut timeout = DrainTimeout::with(&|| true, Duration::ZERO, TIMEOUT);
         let error = summary.sinks.remove(0).wait(&mut timeout).unwrap_err();
         assert!(error.to_string().starts_with("cannot write the files in `"), "{error}");
+    });
+}
+
+/// The frame that is kept for late readers of labels is the only one that the camera lends.
+#[test]
+fn a_camera_that_lends_one_frame_at_a_time_does_not_stall() {
+    let (notify, stop, disk) = (Arc::new(Notify::default()), Stop::default(), Disk::default());
+    let (lender, name) = (camera("lender"), camera("borrower"));
+    nunet_ipc::use_root(&nunet_testkit::ipc_root()).unwrap();
+    let plan = TopicPlan { topic: Topic::Rgb, payload_bytes: 3 * SIZE.pixel_count() };
+    let limits = Limits { max_held_frames: 1, ..Limits::default() };
+    let images = Publisher::create(&lender, &[plan], &limits).unwrap();
+    let source = SourceName::parse(&format!("shm:{lender}")).open(OpenOptions::default()).unwrap();
+    let streams = vec![stream_of(&name, source, &[Publish::Depth, Publish::Labels], Vec::new())];
+    let reader = Reader::open(&name, &[Topic::Depth], TIMEOUT).unwrap();
+    std::thread::scope(|scope| {
+        let _let_go = LetGo(&disk, &stop);
+        scope.spawn(|| run(streams, &notify, &stop).unwrap());
+        let has_come = |sequence| {
+            let newest = reader.latest(Topic::Depth).unwrap();
+            newest.is_some_and(|frame| frame.header().sequence >= sequence)
+        };
+        for sequence in 0..3 {
+            let mut loan = images.loan(Topic::Rgb).unwrap();
+            let header = loan.header_mut();
+            (header.sequence, header.width, header.height) = (sequence, SIZE.width, SIZE.height);
+            header.row_stride_bytes = 3 * SIZE.width;
+            header.set_encoding(Encoding::Rgb8);
+            header.capture_nanos = monotonic_nanos();
+            loan.publish(monotonic_nanos()).unwrap();
+            let start = Instant::now();
+            while !has_come(sequence) {
+                assert!(start.elapsed() < TIMEOUT, "frame {sequence} never came");
+                images.refresh().unwrap(); // for the source, which connects late
+                reader.wait(Duration::from_millis(20)).unwrap();
+            }
+        }
     });
 }
 
