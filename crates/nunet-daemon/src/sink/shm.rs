@@ -4,6 +4,8 @@
 //! publishing.
 #![expect(unsafe_code, reason = "published messages are read in place")]
 
+use std::time::Instant;
+
 use anyhow::Context as _;
 use nunet_core::camera::Camera;
 use nunet_core::clock::Clock as _;
@@ -13,7 +15,7 @@ use nunet_ipc::{
     CameraName, CloudPoint, Encoding, FrameHeader, IpcError, Limits, Loan, Publisher, SentPayload,
     StatsRecord, Topic, Units, Wake, monotonic_nanos,
 };
-use nunet_telemetry::{Counts, Latencies, Totals, foreign_allocations};
+use nunet_telemetry::{Counts, Latencies, RateLimit, Totals, foreign_allocations};
 use nunet_types::ImageSize;
 use tracing::{info, warn};
 
@@ -53,6 +55,7 @@ pub(crate) struct ShmPublisher {
     summarised_nanos: u64,
     /// The last published frame.
     last: Last,
+    failures: RateLimit,
 }
 
 /// The messages of one frame.
@@ -101,6 +104,7 @@ impl ShmPublisher {
             stats,
             summarised_nanos: 0,
             last: Last::default(),
+            failures: RateLimit::default(),
         })
     }
 
@@ -257,14 +261,21 @@ impl ShmPublisher {
             stats_record::set_summaries(&mut self.stats, totals, latencies);
         }
         if let Err(error) = self.try_publish_stats() {
-            warn!("the stats were not published: {error:#}");
+            self.warn(&format!("the stats were not published: {error:#}"));
         }
     }
 
     /// Sends the last frame to readers that joined while the source was paused.
-    pub(crate) fn refresh(&self) {
+    pub(crate) fn refresh(&mut self) {
         if let Err(error) = self.publisher.refresh() {
-            warn!("late readers are not served: {error}");
+            self.warn(&format!("late readers are not served: {error}"));
+        }
+    }
+
+    /// Logs a failure that may repeat with every frame.
+    fn warn(&mut self, text: &str) {
+        if let Some(suppressed) = self.failures.allow_text(Instant::now(), text) {
+            warn!("{text}{suppressed}");
         }
     }
 

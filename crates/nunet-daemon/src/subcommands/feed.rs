@@ -70,9 +70,12 @@ fn serving_late_joiners(
     std::thread::scope(|scope| {
         let (feeding, over) = channel::<()>();
         let serve = move || {
+            let mut failures = RateLimit::default();
             while over.recv_timeout(LATE_JOINER_PERIOD) == Err(RecvTimeoutError::Timeout) {
-                if let Some(Err(error)) = images.get().map(|images| images.publisher.refresh()) {
-                    warn!("late readers are not served: {error}");
+                if let Some(Err(error)) = images.get().map(|images| images.publisher.refresh())
+                    && let Some(suppressed) = failures.allow(Instant::now())
+                {
+                    warn!("late readers are not served: {error}{suppressed}");
                 }
             }
         };
