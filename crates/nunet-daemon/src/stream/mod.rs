@@ -94,10 +94,16 @@ const CLEAN_UP_PERIOD: Duration = Duration::from_secs(1);
 
 /// Releases the resources of killed readers, outside of the inference thread, until all mailboxes are closed.
 fn clean_up(states: &[StreamState]) {
+    // Resources that could not be released, such as damaged ones: cleaning up writes and syncs files each time.
+    let mut known = Vec::new();
     while !states.iter().all(|state| state.mailbox.wait_closed(CLEAN_UP_PERIOD)) {
-        let has_orphans = orphans::list().is_ok_and(|orphans| !orphans.is_empty());
-        if let Some(error) = has_orphans.then(orphans::clean).and_then(Result::err) {
+        let found = orphans::list().unwrap_or_default();
+        if found.is_empty() || found == known {
+            continue;
+        }
+        if let Err(error) = orphans::clean() {
             debug!("cannot clean up after killed readers: {error}");
         }
+        known = orphans::list().unwrap_or_default();
     }
 }
