@@ -34,9 +34,9 @@ impl FromStr for Rate {
 /// Schedules frames at a fixed rate, without drift.
 #[derive(Debug)]
 pub struct Pacer {
-    start: Instant,
     period: Duration,
-    due: u32,
+    /// When the next frame is due.
+    due: Instant,
 }
 
 impl Pacer {
@@ -44,21 +44,19 @@ impl Pacer {
     pub fn new(rate: Rate, now: Instant) -> Option<Self> {
         match rate {
             Rate::Max => None,
-            Rate::Hz(hz) => Some(Self { start: now, period: Duration::from_secs_f64(1.0 / hz), due: 0 }),
+            Rate::Hz(hz) => Some(Self { period: Duration::from_secs_f64(1.0 / hz), due: now }),
         }
     }
 
     /// How long to wait for the next frame. A source that fell behind by more than a frame skips what it missed
     /// instead of catching up.
     pub fn wait(&mut self, now: Instant) -> Duration {
-        let mut due = self.start + self.period * self.due;
-        if now > due + self.period {
-            self.start = now;
-            self.due = 0;
-            due = now;
+        if now > self.due + self.period {
+            self.due = now;
         }
-        self.due += 1;
-        due.saturating_duration_since(now)
+        let wait = self.due.saturating_duration_since(now);
+        self.due += self.period;
+        wait
     }
 }
 
