@@ -7,7 +7,9 @@ use nunet_ipc::{
 };
 use serde_json::Value;
 
-use crate::support::{Bench, Guarded, TIMEOUT, camera, nunetd, repository, run, run_well, text, wait_for};
+use crate::support::{
+    Bench, Guarded, SIZE, TIMEOUT, camera, nunetd, repository, run, run_well, text, wait_for,
+};
 
 #[path = "../../../examples/stop_before_wall.rs"]
 #[expect(dead_code, reason = "its `main` is that of the example")]
@@ -184,6 +186,26 @@ fn infer_writes_obstacles_as_numbers_and_images() {
     );
     for image in ["obstacles.png", "obstacles_overlay.png"] {
         assert!(image::open(bench.path("out").join(image)).is_ok(), "{image}");
+    }
+}
+
+#[test]
+fn infer_does_not_remember_the_obstacles_of_another_image() {
+    let bench = Bench::new();
+    let (model, out) = (bench.arg("model.onnx"), bench.arg("out"));
+    // The test network sees a surface nearer than any visible floor, and one beyond the range.
+    for (name, gray) in [("near.png", 0), ("far.png", 255)] {
+        image::RgbImage::from_pixel(SIZE.0, SIZE.1, image::Rgb([gray; 3])).save(bench.path(name)).unwrap();
+    }
+    let (near, far) = (bench.arg("near.png"), bench.arg("far.png"));
+    let mut command = nunetd(&["-q", "infer", &near, &far, "--out", &out, "--model", &model]);
+    command.args(["--mount", MOUNT, "--hold", "1"]);
+    run_well(command);
+    for (folder, is_occupied) in [("near", true), ("far", false)] {
+        let text = std::fs::read_to_string(bench.path("out").join(folder).join("obstacles.json")).unwrap();
+        let found: Value = serde_json::from_str(&text).unwrap();
+        let mut sectors = found["sectors"].as_array().unwrap().iter();
+        assert_eq!(sectors.any(|sector| sector["state"] == "occupied"), is_occupied, "{folder}: {text}");
     }
 }
 

@@ -222,6 +222,7 @@ impl Work {
         let Some(stage) = &mut self.obstacles else { return Ok(()) };
         let config = *stage.config();
         let image = self.buffers.depth_image(&self.pipeline);
+        stage.reset(); // obstacles of one image must not be remembered in the next
         let found = stage.detect(self.pipeline.points_camera(), image, 0)?;
         let image = self.frame.view()?;
         let rgb = self.pipeline.network_image(&image);
