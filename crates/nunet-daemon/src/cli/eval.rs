@@ -78,6 +78,7 @@ pub struct DepthUnitArgs {
     pub depth_scale: Option<f64>,
     /// Added to each value before scaling; if it is not 0, the value 0 is a measurement
     #[arg(long, value_name = "UNITS", default_value = "0", allow_hyphen_values = true)]
+    #[arg(value_parser = parse_units)]
     pub depth_offset: f64,
 }
 
@@ -149,5 +150,12 @@ pub(super) fn parse_meters(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(scale) if scale > 0.0 && f64::is_finite(scale) => Ok(scale),
         _ => Err(format!("expected meters above 0, such as 0.001, got `{text}`")),
+    }
+}
+
+fn parse_units(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(units) if f64::is_finite(units) => Ok(units),
+        _ => Err(format!("expected a number of units, such as 1, got `{text}`")),
     }
 }

@@ -59,6 +59,8 @@ fn an_error_of_a_number_or_address_names_what_is_expected() {
         ("nunetd bench --runs 0", count),
         ("nunetd watch front --frames 0", count),
         ("nunetd --readers 0", "expected 1 to 62, got `0`"),
+        ("nunetd eval data --depth-offset nan", "expected a number of units, such as 1, got `nan`"),
+        ("nunetd calibrate --truth data --depth-offset inf", "such as 1, got `inf`"),
         ("nunetd --metrics 9477", "expected ADDRESS:PORT, such as `127.0.0.1:9477`, got `9477`"),
     ] {
         let error = Cli::parse_line(line.split(' ').map(OsString::from)).unwrap_err();
