@@ -221,7 +221,9 @@ fn setting_of(argument: &Arg, key: &str, value: &DeValue<'_>) -> Result<Value, B
     match (argument.get_action(), value) {
         (ArgAction::Count, DeValue::Boolean(given)) => Ok(Value::Integer((*given).into())),
         (ArgAction::Count, DeValue::Integer(count)) => {
-            Ok(Value::Integer(count.as_str().parse::<i64>().map_or(0, |count| count.clamp(0, 8))))
+            let count = u8::from_str_radix(count.as_str(), count.radix());
+            let refused = || format!("`{key}` is {}; expected true, false or 0 to 255", shown(value));
+            count.map(|count| Value::Integer(count.into())).map_err(|_| BadArguments::new(refused()))
         }
         (action, DeValue::Boolean(given)) if !action.takes_values() => Ok(Value::Boolean(*given)),
         (action, other) if !action.takes_values() => {

@@ -145,6 +145,7 @@ fn the_file_takes_the_flags_of_all_subcommands() {
     let options = |verbose, quiet, json| LogOptions { verbose, quiet, json };
     assert_eq!(log("quiet = true\nlog-format = 'json'", "run"), options(0, true, true));
     assert_eq!(log("verbose = 2", "run"), options(2, false, false));
+    assert_eq!(log("verbose = 0x2", "run"), options(2, false, false));
     assert_eq!(log("verbose = true", "run"), options(1, false, false));
     assert_eq!(log("verbose = 2", "-q run"), options(0, true, false));
 }
@@ -202,6 +203,12 @@ fn an_unknown_key_is_an_error_with_the_nearest_name() {
     assert_refused("zzz = 1", "unknown key `zzz`\nhint: keys are the long names of the flags");
     assert_refused("config = 'other.toml'", "unknown key `config`");
     assert_refused("loop = 'yes'", "`loop` is `\"yes\"`; expected true or false");
+    for count in ["-1", "256"] {
+        assert_refused(
+            &format!("verbose = {count}"),
+            &format!("`verbose` is `{count}`; expected true, false or 0 to 255"),
+        );
+    }
     assert_refused("model = true", "`model` is `true`; expected a text or a number");
     assert_refused("model = {a = 1}", "`model` is a table; expected a text or a number");
     assert_refused("model = ", "`[FILE]`: it is not valid TOML");
