@@ -28,7 +28,7 @@ pub(crate) struct Stats {
     pub(crate) view: Option<[u32; 4]>,
     pub(crate) frames: Counts,
     pub(crate) latency_ms: LatencyMs,
-    /// Published frames per second, from the first capture to the last publication.
+    /// Published frames per second, from the start of the stream to the last publication.
     pub(crate) fps: f64,
     pub(crate) bytes_copied_per_frame: f64,
     /// Frames for which no attitude of the robot was found; absent if all had one, or it is not read.
