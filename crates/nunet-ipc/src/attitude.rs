@@ -176,8 +176,12 @@ impl AttitudeReader {
         }
         let Some(reader) = &self.reader else { return Ok(()) };
         // Takes the wake-ups of the camera's other topics, so that they do not pile up.
-        reader.wait(Duration::ZERO)?;
-        if let Some(message) = reader.latest(Topic::Attitude)? {
+        let newest = reader.wait(Duration::ZERO).and_then(|_| reader.latest(Topic::Attitude));
+        if matches!(newest, Err(IpcError::Iceoryx { .. })) {
+            // The connection does not recover by itself.
+            self.reader = None;
+        }
+        if let Some(message) = newest? {
             self.newest = Some(message);
         }
         Ok(())
