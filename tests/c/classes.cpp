@@ -98,6 +98,7 @@ static void attitude(const std::string &own) {
   HOLDS(status_of([&] { nunet::AttitudePublisher second(own); }) == NUNET_ALREADY_PUBLISHED);
   nunet::Reader reader(own, NUNET_BIT_ATTITUDE, 30s);
   HOLDS(status_of([&] { publisher.publish(1, 90, 0); }) == NUNET_BAD_ARGUMENT); // degrees
+  HOLDS(status_of([&] { publisher.publish(-1, 0, 0); }) == NUNET_BAD_ARGUMENT);
   publisher.publish(1, 0.25f, 0);
   publisher.publish(2, 0, -0.5f);
   auto frame = reader.next(NUNET_TOPIC_ATTITUDE, 30s);

@@ -209,6 +209,7 @@ static void publishing(const char *own) {
   EXPECT(NUNET_OK, nunet_reader_open(own, NUNET_BIT_RGB, 30000, &reader));
   EXPECT(NUNET_TOO_MANY_READERS, nunet_reader_open(own, NUNET_BIT_RGB, 0, &excess));
   HOLDS(nunet_publisher_has_readers(publisher));
+  EXPECT(NUNET_BAD_ARGUMENT, nunet_publisher_publish(publisher, image, 36, NUNET_CLOCK_UNIX, -1));
   EXPECT(NUNET_TIMEOUT, nunet_reader_next(reader, RGB, 0, &frame));
   EXPECT(NUNET_OK, nunet_publisher_publish(publisher, image, 36, NUNET_CLOCK_UNIX, 77));
   read_back(reader, image, 0);

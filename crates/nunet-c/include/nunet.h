@@ -1075,7 +1075,7 @@ nunet_status_t nunet_loan_bytes(const nunet_loan_t *loan,
  * Sends an image and wakes its readers. The loan is closed, also when this fails.
  *
  * `clock`: the `nunet_clock_t` that `capture_nanos` was read from; `NUNET_CLOCK_MONOTONIC` for V4L2's times and
- * `nunet_monotonic_nanos()`. `capture_nanos`: the capture time; a reader of several topics joins frames with one
+ * `nunet_monotonic_nanos()`. `capture_nanos`: the capture time, 0 or more; a reader of several topics joins frames with one
  * `sequence` and one `capture_nanos`. `capture_unix_nanos` is computed where it was left 0; with `NUNET_CLOCK_MEDIA` it
  * is the time of this call.
  *
@@ -1112,7 +1112,8 @@ nunet_status_t nunet_attitude_open(const char *camera,
  * `pitch_rad`: rotation of the base about x (forward) and y (left), radians; a positive roll lowers the right side, a positive
  * pitch the front.
  *
- * Fails with `NUNET_BAD_ARGUMENT` for an angle that is not a number or is beyond a turn, `NUNET_SYSTEM`, `NUNET_CLOSED`.
+ * Fails with `NUNET_BAD_ARGUMENT` for an angle that is not a number or is beyond a turn and for a negative time,
+ * `NUNET_SYSTEM`, `NUNET_CLOSED`.
  */
 nunet_status_t nunet_attitude_publish(const nunet_attitude_publisher_t *attitude,
                                       int64_t capture_nanos,

@@ -7,7 +7,7 @@ use std::mem::MaybeUninit;
 
 use nunet_ipc::AttitudePublisher;
 
-use crate::argument::{camera, place, word};
+use crate::argument::{camera, capture_time, place, word};
 use crate::handle::{Table, locked};
 use crate::status::{StatusCode, guard};
 
@@ -45,7 +45,8 @@ pub unsafe extern "C" fn nunet_attitude_open(
 /// `pitch_rad`: rotation of the base about x (forward) and y (left), radians; a positive roll lowers the right side, a positive
 /// pitch the front.
 ///
-/// Fails with `NUNET_BAD_ARGUMENT` for an angle that is not a number or is beyond a turn, `NUNET_SYSTEM`, `NUNET_CLOSED`.
+/// Fails with `NUNET_BAD_ARGUMENT` for an angle that is not a number or is beyond a turn and for a negative time,
+/// `NUNET_SYSTEM`, `NUNET_CLOSED`.
 #[unsafe(no_mangle)]
 pub extern "C" fn nunet_attitude_publish(
     attitude: *const AttitudeHandle,
@@ -55,7 +56,7 @@ pub extern "C" fn nunet_attitude_publish(
 ) -> StatusCode {
     guard(|| {
         let publisher = ATTITUDES.get(attitude)?;
-        Ok(locked(&publisher).publish(capture_nanos, roll_rad, pitch_rad)?)
+        Ok(locked(&publisher).publish(capture_time(capture_nanos)?, roll_rad, pitch_rad)?)
     })
 }
 

@@ -91,7 +91,7 @@ pub extern "C" fn nunet_loan_bytes(
 /// Sends an image and wakes its readers. The loan is closed, also when this fails.
 ///
 /// `clock`: the `nunet_clock_t` that `capture_nanos` was read from; `NUNET_CLOCK_MONOTONIC` for V4L2's times and
-/// `nunet_monotonic_nanos()`. `capture_nanos`: the capture time; a reader of several topics joins frames with one
+/// `nunet_monotonic_nanos()`. `capture_nanos`: the capture time, 0 or more; a reader of several topics joins frames with one
 /// `sequence` and one `capture_nanos`. `capture_unix_nanos` is computed where it was left 0; with `NUNET_CLOCK_MEDIA` it
 /// is the time of this call.
 ///
