@@ -7,6 +7,7 @@
 use std::path::PathBuf;
 
 use nunet_daemon::source::Rotation;
+use nunet_ipc::FrameHeader;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
@@ -40,7 +41,11 @@ arguments! {
     name_or_path("name_or_path"): file -> PathBuf;
     provider("provider"): text -> &'a str;
     threads("threads"): optional_whole -> Option<i64>;
+    aspect("aspect"): text -> &'a str;
     color("color"): text -> &'a str;
+    attitude("attitude"): angles -> Option<(f64, f64)>;
+    roll("roll"): radians -> f32;
+    pitch("pitch"): radians -> f32;
     path("path"): file -> PathBuf;
     folder("folder"): file -> PathBuf;
     topic("topic"): optional_text -> Option<&'a str>;
@@ -48,7 +53,9 @@ arguments! {
     timeout("timeout"): seconds -> Option<f64>;
     encoding("encoding"): text -> &'a str;
     clock("clock"): text -> &'a str;
-    frame_id("frame_id"): text -> &'a str;
+    frame_id("frame_id"): coordinate_frame -> &'a str;
+    capture_nanos("capture_nanos"): nanos -> Option<i64>;
+    sequence("sequence"): number_of_image -> Option<u64>;
     readers("readers"): whole -> u32;
     clearance("clearance"): meters -> f32;
     robot_height("robot_height"): meters -> f32;
@@ -90,6 +97,15 @@ fn meters(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<f32> {
     taken(argument, object, "a number of meters", "write it without quotes, such as 0.05")
 }
 
+fn radians(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<f32> {
+    taken(argument, object, "a number of radians", "write it without quotes, such as -0.1")
+}
+
+/// Roll and pitch; `None` leaves the mount unchanged.
+fn angles(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<Option<(f64, f64)>> {
+    taken(argument, object, "a tuple (roll, pitch) of radians", "write it as `(0.02, -0.1)`, or omit it")
+}
+
 fn optional_number(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<Option<f32>> {
     taken(argument, object, "a number", "omit it to use the range of the depth map")
 }
@@ -121,6 +137,35 @@ fn whole(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<u32> {
 
 fn optional_whole(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<Option<i64>> {
     taken(argument, object, "a whole number", "omit it to use the default")
+}
+
+/// `None` is the current time.
+fn nanos(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<Option<i64>> {
+    let (expected, hint) = ("whole nanoseconds, 0 or more", "omit it for the current time");
+    let given: Option<i64> = taken(argument, object, expected, hint)?;
+    match given {
+        Some(negative) if negative < 0 => {
+            let message = format!("`{argument}` is `{negative}`; expected {expected}");
+            Err(hinted::<PyValueError>(message, hint))
+        }
+        _ => Ok(given),
+    }
+}
+
+/// `None` is the next number.
+fn number_of_image(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<Option<u64>> {
+    taken(argument, object, "a whole number, 0 or more", "omit it for the next number")
+}
+
+/// The name of a coordinate frame, which a header has room for.
+fn coordinate_frame<'a>(argument: &str, object: &'a Bound<'_, PyAny>) -> PyResult<&'a str> {
+    let name = text(argument, object)?;
+    let (bytes, most) = (name.len(), FrameHeader::default().frame_id.len());
+    if bytes <= most {
+        return Ok(name);
+    }
+    let message = format!("`{argument}` has {bytes} bytes; expected at most {most}");
+    Err(hinted::<PyValueError>(message, "give the coordinate frame a shorter name"))
 }
 
 /// `None` leaves images unchanged.

@@ -60,6 +60,8 @@ def test_an_attitude_is_published_and_wrong_angles_are_refused():
         for wrong in (90.0, float("nan")):
             with pytest.raises(ValueError, match="attitude: pitch is"):
                 attitude.publish(0.0, wrong)
+        with pytest.raises(TypeError, match="`roll` is `'0.1'`; expected a number of radians"):
+            attitude.publish("0.1", 0.0)
         with pytest.raises(nunet.NunetError, match="already published"):
             nunet.AttitudePublisher(name)
     attitude.close()
@@ -67,6 +69,34 @@ def test_an_attitude_is_published_and_wrong_angles_are_refused():
         attitude.publish(0.0, 0.0)
     with pytest.raises(ValueError, match="no position in a recording"):
         nunet.AttitudePublisher(name, clock="media")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "exception", "message"),
+    [
+        ({"capture_nanos": -1}, ValueError, "`capture_nanos` is `-1`; expected whole nanoseconds, 0 or more"),
+        ({"capture_nanos": 1.5}, TypeError, "`capture_nanos` is `1.5`"),
+        ({"capture_nanos": 1 << 63}, TypeError, f"`capture_nanos` is `{1 << 63}`"),
+        ({"sequence": -1}, TypeError, "`sequence` is `-1`; expected a whole number, 0 or more"),
+        ({"sequence": 1 << 64}, TypeError, f"`sequence` is `{1 << 64}`"),
+    ],
+)
+def test_wrong_times_and_numbers_are_refused(pair, arguments, exception, message):
+    publisher, frames = pair
+    for use in (lambda: publisher.publish(noise(), **arguments), lambda: publisher.loan(**arguments)):
+        with pytest.raises(exception, match=message) as error:
+            use()
+        hint_of(error)
+    if "capture_nanos" in arguments:
+        with publisher.loan() as image:
+            image[:] = 1
+            loan = publisher.loan()
+            with pytest.raises(exception, match=message):
+                loan.capture_nanos = arguments["capture_nanos"]
+        assert frames.next().header.capture_nanos > 0
+    with nunet.AttitudePublisher(unique_name()) as attitude, pytest.raises(ValueError, match="`capture_nanos` is `-1`"):
+        attitude.publish(0.0, 0.0, capture_nanos=-1)
+    assert frames.latest() is None
 
 
 @pytest.mark.parametrize("clock", ["unix", "media"])
@@ -149,6 +179,7 @@ def test_an_image_that_does_not_fit_is_refused_with_a_fix(pair, image, exception
         ({"size": 64}, TypeError, "`size` is `64`"),
         ({"intrinsics": (1, 1, 0, 0)}, TypeError, "`intrinsics` is .* expected a Camera"),
         ({"frame_id": None}, TypeError, "`frame_id` is `None`"),
+        ({"frame_id": "ä" * 33}, ValueError, "`frame_id` has 66 bytes; expected at most 64"),
         ({"encoding": 3}, TypeError, "`encoding` is `3`"),
         ({"readers": -1}, TypeError, "`readers` is `-1`"),
         ({"encoding": "rgba8"}, ValueError, "`encoding` is `rgba8`"),

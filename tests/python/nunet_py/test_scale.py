@@ -52,6 +52,8 @@ def test_a_model_takes_a_scale_and_conflicts_are_errors(tiny):
         (dict(scale="floor"), "`mount` is missing"),
         (dict(scale="wide"), "`scale` is `wide`"),
         (dict(scale="floor", mount=(0, 0, -1, 0, 0, 0)), "above the floor"),
+        (dict(mount=(0, 0, 0.25, 0, 0, 0)), "`mount` is given"),
+        (dict(scale=0.5, mount=(0, 0, 0.25, 0, 0, 0)), "`mount` is given"),
     ]:
         with pytest.raises(ValueError, match=words):
             nunet.Model(tiny.path, **options)
@@ -59,6 +61,10 @@ def test_a_model_takes_a_scale_and_conflicts_are_errors(tiny):
         nunet.Model(tiny.path, scale=[1])
     with pytest.raises(nunet.CameraError, match=r"0\.05 to 20"):
         nunet.Model(tiny.path, scale=1000)
+    with pytest.raises(TypeError, match=r"`attitude` is `\[0.0, 0.1\]`; expected a tuple \(roll, pitch\)"):
+        tiny.infer(rgb, attitude=[0.0, 0.1])
+    with pytest.raises(TypeError, match="`aspect` is `1`; expected a str"):
+        nunet.Model(tiny.path, aspect=1)
     with pytest.raises(ValueError, match="does not take its scale from the floor"):
         tiny.infer(rgb, attitude=(0.0, 0.1))
 

@@ -68,7 +68,7 @@ use crate::result::{Result, ResultContext};
 /// WiringError
 ///     The stages of a staged graph do not fit together.
 /// ValueError
-///     An unknown provider or filter, or fewer than 1 thread.
+///     An unknown provider or filter, fewer than 1 thread, or a `mount` without `scale="floor"`.
 /// NunetError
 ///     The ONNX Runtime library is missing, or does not have the provider.
 ///
@@ -108,7 +108,7 @@ impl PyModel {
         #[pyo3(from_py_with = argument::name_or_path)] name_or_path: PathBuf,
         #[pyo3(from_py_with = argument::provider)] provider: &str,
         #[pyo3(from_py_with = argument::threads)] threads: Option<i64>,
-        aspect: &str,
+        #[pyo3(from_py_with = argument::aspect)] aspect: &str,
         filters: Option<&Bound<'_, PyAny>>,
         scale: Option<&Bound<'_, PyAny>>,
         #[pyo3(from_py_with = optional_mount_argument)] mount: Option<Vec<f64>>,
@@ -198,7 +198,7 @@ impl PyModel {
         #[pyo3(from_py_with = camera_argument)] camera: Option<PyCamera>,
         #[pyo3(from_py_with = argument::color)] color: &str,
         keep_state: bool,
-        attitude: Option<(f64, f64)>,
+        #[pyo3(from_py_with = argument::attitude)] attitude: Option<(f64, f64)>,
     ) -> PyResult<Result> {
         let image = ImageArgument::take("rgb", rgb, ColorOrder::named(color)?)?;
         self.infer_one(py, &image, Setting { camera, keep_state, attitude })
@@ -213,7 +213,7 @@ impl PyModel {
         #[pyo3(from_py_with = camera_argument)] camera: Option<PyCamera>,
         #[pyo3(from_py_with = argument::color)] color: &str,
         keep_state: bool,
-        attitude: Option<(f64, f64)>,
+        #[pyo3(from_py_with = argument::attitude)] attitude: Option<(f64, f64)>,
     ) -> PyResult<Result> {
         self.infer(py, rgb, camera, color, keep_state, attitude)
     }

@@ -18,6 +18,14 @@ pub(super) fn of_arguments(
     mount: Option<Vec<f64>>,
 ) -> PyResult<(ScaleMode, Option<f32>)> {
     let mount = mount.map(|numbers| obstacles::mount(&numbers)).transpose()?;
+    if scale.is_some_and(|scale| scale.extract::<&str>().is_ok_and(|word| word == "floor")) {
+        return Ok((ScaleMode::Floor(mount.ok_or_else(without_mount)?), None));
+    }
+    if mount.is_some() {
+        let message = "`mount` is given, but the model does not take its scale from the floor";
+        let hint = "pass `scale=\"floor\"`; for obstacles, pass the mount to `Result.obstacles`";
+        return Err(hinted::<PyValueError>(message, hint));
+    }
     let Some(scale) = scale else { return Ok((ScaleMode::Auto, None)) };
     if let Ok(factor) = scale.extract::<f64>() {
         return Ok((ScaleMode::Auto, Some(check_scale_factor(factor).map_err(of_camera)?)));
@@ -25,7 +33,6 @@ pub(super) fn of_arguments(
     match scale.extract::<&str>() {
         Ok("auto") => Ok((ScaleMode::Auto, None)),
         Ok("off") => Ok((ScaleMode::Off, None)),
-        Ok("floor") => Ok((ScaleMode::Floor(mount.ok_or_else(without_mount)?), None)),
         Ok(word) => Err(hinted::<PyValueError>(format!("`scale` is `{word}`; expected a known word"), HINT)),
         Err(_) => {
             let message = format!("`scale` is `{}`; expected a word or a number", shown(scale));

@@ -83,11 +83,16 @@ impl PyAttitudePublisher {
     /// Raises
     /// ------
     /// ValueError
-    ///     An angle that is not a number or is beyond a turn.
+    ///     An angle that is not a number or is beyond a turn, or a negative `capture_nanos`.
     /// NunetError
     ///     This publisher is closed.
     #[pyo3(signature = (roll, pitch, *, capture_nanos = None))]
-    fn publish(&self, roll: f32, pitch: f32, capture_nanos: Option<i64>) -> PyResult<()> {
+    fn publish(
+        &self,
+        #[pyo3(from_py_with = argument::roll)] roll: f32,
+        #[pyo3(from_py_with = argument::pitch)] pitch: f32,
+        #[pyo3(from_py_with = argument::capture_nanos)] capture_nanos: Option<i64>,
+    ) -> PyResult<()> {
         let now = || if self.clock == Clock::Unix { unix_nanos() } else { monotonic_nanos() };
         let mut open = self.open()?;
         let publisher = open.as_mut().ok_or_else(|| {

@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
 use super::port::{Anchor, ImageStamp, ImageTopic};
+use crate::argument;
 use crate::error::{NunetError, hinted};
 use crate::fork_guard::ForkGuard;
 use crate::memory::{Memory, references};
@@ -171,7 +172,9 @@ impl PyLoan {
     }
 
     #[setter]
-    fn set_capture_nanos(&self, nanos: Option<i64>) {
+    fn set_capture_nanos(&self, nanos: &Bound<'_, PyAny>) -> PyResult<()> {
+        let nanos = argument::capture_nanos(nanos)?;
         self.capture.lock().unwrap_or_else(PoisonError::into_inner).nanos = nanos;
+        Ok(())
     }
 }

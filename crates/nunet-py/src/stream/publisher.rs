@@ -56,7 +56,7 @@ pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 /// CameraError
 ///     The aspect ratio of `intrinsics` is not that of `size`.
 /// ValueError
-///     An invalid name, size, encoding or clock.
+///     An invalid name, size, encoding or clock, or a `frame_id` of more than 64 bytes.
 /// TypeError
 ///     An argument of another type, such as a list for `size`.
 ///
@@ -123,7 +123,7 @@ impl PyPublisher {
     /// image : numpy.ndarray
     ///     uint8, C-contiguous, of this publisher's `shape`, rows from the top.
     /// capture_nanos : int, optional
-    ///     Capture time, nanoseconds of the publisher's clock. By default the current time.
+    ///     Capture time, nanoseconds of the publisher's clock. By default the current time, or 0 for the clock `media`.
     /// sequence : int, optional
     ///     The image's number, which should increase. By default the next one.
     ///
@@ -135,17 +135,17 @@ impl PyPublisher {
     /// Raises
     /// ------
     /// TypeError
-    ///     `image` is not a numpy array of uint8.
+    ///     `image` is not a numpy array of uint8, or another argument is not a whole number.
     /// ValueError
-    ///     The array has another shape or is not C-contiguous.
+    ///     The array has another shape or is not C-contiguous, or `capture_nanos` is negative.
     /// NunetError
     ///     This publisher is closed.
     #[pyo3(signature = (image, capture_nanos = None, *, sequence = None))]
     fn publish(
         &self,
         image: &Bound<'_, PyAny>,
-        capture_nanos: Option<i64>,
-        sequence: Option<u64>,
+        #[pyo3(from_py_with = argument::capture_nanos)] capture_nanos: Option<i64>,
+        #[pyo3(from_py_with = argument::sequence)] sequence: Option<u64>,
     ) -> PyResult<u64> {
         let image = self.port.source.layout.check(image)?;
         let mut chunk = self.port.chunk()?;
@@ -158,7 +158,8 @@ impl PyPublisher {
     /// Parameters
     /// ----------
     /// capture_nanos : int, optional
-    ///     Capture time, nanoseconds of the publisher's clock. By default the end of the block.
+    ///     Capture time, nanoseconds of the publisher's clock. By default the end of the block, or 0 for the clock
+    ///     `media`.
     /// sequence : int, optional
     ///     The image's number, which should increase. By default the next one.
     ///
@@ -170,10 +171,18 @@ impl PyPublisher {
     ///
     /// Raises
     /// ------
+    /// TypeError
+    ///     An argument is not a whole number.
+    /// ValueError
+    ///     `capture_nanos` is negative.
     /// NunetError
     ///     This publisher is closed; on entering also: arrays of earlier loans hold all memory.
     #[pyo3(signature = (capture_nanos = None, *, sequence = None))]
-    fn loan(&self, capture_nanos: Option<i64>, sequence: Option<u64>) -> PyResult<PyLoan> {
+    fn loan(
+        &self,
+        #[pyo3(from_py_with = argument::capture_nanos)] capture_nanos: Option<i64>,
+        #[pyo3(from_py_with = argument::sequence)] sequence: Option<u64>,
+    ) -> PyResult<PyLoan> {
         self.port.check_open()?;
         Ok(PyLoan::new(Arc::clone(&self.port), ImageStamp { nanos: capture_nanos, sequence }))
     }
