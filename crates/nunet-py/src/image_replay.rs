@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use nunet_core::camera::{CalibratedScale, Camera};
+use nunet_core::camera::{CalibratedScale, Camera, CameraError};
 use nunet_daemon::source::{
     Continuity, Fill, Frame, OpenOptions, RecordingSource, Rotated, Rotation, Source as _,
 };
@@ -14,6 +14,8 @@ pub(crate) struct ImageReplay {
     is_rotated: bool,
     camera: Option<Camera>,
     scale: Option<CalibratedScale>,
+    /// Whether the camera fitted an image.
+    fits: bool,
     continuity: Continuity,
     frame: Frame,
     /// The model's count of runs after the last frame. If it differs, the model ran on something else in between.
@@ -71,7 +73,7 @@ impl ImageReplay {
         let camera = camera.map(rotated).transpose()?;
         let is_rotated = rotation.is_some();
         let (continuity, frame) = (Continuity::default(), Frame::default());
-        Ok(Self { source, is_rotated, camera, scale, continuity, frame, left_at: None })
+        Ok(Self { source, is_rotated, camera, scale, fits: false, continuity, frame, left_at: None })
     }
 
     /// The image topic.
@@ -87,16 +89,26 @@ impl ImageReplay {
     /// Reads the next image and runs it through `model`.
     ///
     /// # Errors
-    /// The file is damaged or cut off at this point. All images before were returned.
+    /// The file is damaged or cut off at this point; all images before were returned. Or the given camera or its factor cannot
+    /// be used, which would fail for every image.
     pub(crate) fn step(&mut self, model: &mut Model) -> anyhow::Result<ReplayedStep> {
-        let sequence = |frame: &Frame| frame.sequence;
         match self.source.fill(&mut self.frame) {
-            Fill::Frame => Ok(match self.process(model) {
-                Ok(played) => ReplayedStep::Image(Box::new(played)),
-                Err(error) => ReplayedStep::Lost { sequence: sequence(&self.frame), error },
-            }),
+            Fill::Frame => {
+                let uses_factor = model.set_calibrated_scale(self.scale)?;
+                let camera = match self.camera_of_frame() {
+                    // It will not fit the next image either.
+                    Err(error) if !self.fits => return Err(error.into()),
+                    camera => camera.map_err(anyhow::Error::from),
+                };
+                self.fits = true;
+                let played = camera.and_then(|camera| self.process(model, camera, uses_factor));
+                Ok(match played {
+                    Ok(played) => ReplayedStep::Image(Box::new(played)),
+                    Err(error) => ReplayedStep::Lost { sequence: self.frame.sequence, error },
+                })
+            }
             Fill::Failed(error) => {
-                Ok(ReplayedStep::Lost { sequence: sequence(&self.frame), error: error.into() })
+                Ok(ReplayedStep::Lost { sequence: self.frame.sequence, error: error.into() })
             }
             Fill::Nothing | Fill::Crowded => Ok(ReplayedStep::Nothing),
             Fill::End => Ok(ReplayedStep::End),
@@ -104,18 +116,27 @@ impl ImageReplay {
         }
     }
 
-    fn process(&mut self, model: &mut Model) -> anyhow::Result<ReplayedImage> {
+    /// The camera of the frame, at its size.
+    fn camera_of_frame(&self) -> Result<Option<Camera>, CameraError> {
+        let size = self.frame.size;
+        let given = self.camera.map(|camera| camera.fitted_to(size.width, size.height)).transpose()?;
+        Ok(given.or(self.frame.camera))
+    }
+
+    fn process(
+        &mut self,
+        model: &mut Model,
+        camera: Option<Camera>,
+        uses_factor: bool,
+    ) -> anyhow::Result<ReplayedImage> {
         let frame = &self.frame;
-        let size = frame.size;
-        let named = self.camera.map(|camera| camera.fitted_to(size.width, size.height)).transpose()?;
         let runs = model.runs();
         let keep_state = self.left_at == Some(runs);
         if keep_state && self.continuity.discontinuity_to(frame).is_some() {
             model.reset();
         }
-        let uses_factor = model.set_calibrated_scale(self.scale)?;
         model.set_frame_nanos(frame.capture.nanos);
-        let inferred = model.infer(&frame.view()?, named.or(frame.camera), keep_state);
+        let inferred = model.infer(&frame.view()?, camera, keep_state);
         // A frame that fails in the network does not change its state.
         if model.runs() > runs {
             self.left_at = Some(model.runs());

@@ -114,6 +114,8 @@ impl PyReplay {
 /// ValueError
 ///     The recording has several image topics and none was named, or does not have the named one. `rotate` is another
 ///     number.
+/// CameraError
+///     While iterating: the aspect ratio of `camera` is not that of the images.
 /// NunetError
 ///     The file is not MCAP or has no images. While iterating: the file is damaged or cut off at this point, after every
 ///     complete image was yielded.
