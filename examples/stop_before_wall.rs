@@ -3,7 +3,7 @@
 
 #![allow(clippy::print_stdout, reason = "an example prints its answer")]
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use nunet_ipc::{CameraName, ObstacleRecord, Reader, Topic};
 
@@ -14,6 +14,8 @@ const STOP_M: f32 = 0.4;
 const BRAKE_M: f32 = 1.0;
 /// Half the angle ahead that counts, radians.
 const AHEAD_RAD: f32 = 0.35;
+/// The robot stops if no frame arrives for so long.
+const TIMEOUT: Duration = Duration::from_millis(500);
 
 /// The speed for the directions ahead. Each direction counts only as far as it is known to be free.
 pub(crate) fn speed(obstacles: &ObstacleRecord) -> f32 {
@@ -26,13 +28,15 @@ pub(crate) fn speed(obstacles: &ObstacleRecord) -> f32 {
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let name = std::env::args().nth(1).unwrap_or_else(|| "camera".to_owned());
     let reader = Reader::open(&CameraName::new(&name)?, &[Topic::Obstacles], Duration::from_secs(10))?;
+    let mut last = Instant::now();
     loop {
-        // No frame in time: stop.
-        let woken = reader.wait(Duration::from_millis(500))?;
-        match reader.latest(Topic::Obstacles)? {
-            Some(frame) => println!("{:.2} m/s", speed(frame.obstacles()?)),
-            None if !woken => println!("0.00 m/s: no frame for 0.5 s"),
-            None => {}
+        // May return early, because other topics wake it too.
+        reader.wait(TIMEOUT)?;
+        if let Some(frame) = reader.latest(Topic::Obstacles)? {
+            println!("{:.2} m/s", speed(frame.obstacles()?));
+            last = Instant::now();
+        } else if last.elapsed() >= TIMEOUT {
+            println!("0.00 m/s: no frame for {} s", TIMEOUT.as_secs_f32());
         }
     }
 }

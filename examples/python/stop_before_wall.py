@@ -10,6 +10,7 @@ import numpy as np
 import nunet_py as nunet
 
 FULL_SPEED = 0.6  # meters per second
+TIMEOUT_S = 0.5  # the robot stops if no frame arrives for so long
 STOP_M = 0.4  # the robot stops this far before an obstacle
 BRAKE_M = 1.0  # meters over which it brakes
 AHEAD_RAD = 0.35  # half the angle ahead that counts
@@ -23,11 +24,14 @@ def speed(obstacles: nunet.Obstacles) -> float:
 
 
 def main() -> None:
-    """Print the speed for each frame."""
+    """Print the speed for each frame, and 0 while no frame arrives."""
     camera = sys.argv[1] if len(sys.argv) > 1 else "camera"
     with nunet.subscribe(camera, topics=["obstacles"], timeout=10.0) as frames:
-        for frame in frames:
-            print(f"{speed(frame.obstacles):.2f} m/s", flush=True)
+        while True:
+            try:
+                print(f"{speed(frames.next(timeout=TIMEOUT_S).obstacles):.2f} m/s", flush=True)
+            except TimeoutError:
+                print(f"0.00 m/s: no frame for {TIMEOUT_S} s", flush=True)
 
 
 if __name__ == "__main__":

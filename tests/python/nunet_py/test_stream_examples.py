@@ -1,5 +1,6 @@
 """The examples of frames in shared memory, run as a user runs them."""
 
+import contextlib
 import os
 import pathlib
 import subprocess
@@ -60,19 +61,26 @@ def test_subscribe_prints_a_hint_when_its_daemon_dies(nunetd):
     assert error.startswith("subscribe: no frame of camera") and "\nhint: " in error
 
 
-def speed_at(nunetd, image):
-    """The first speed that the example prints for one image of the rendered drive, with the default network."""
+@contextlib.contextmanager
+def stop_before_wall(nunetd, image):
+    """The lines that the example prints for one image of the rendered drive, with the default network, and nunetd."""
     name = unique_name()
     camera = ["--mount", "0,0,0.25,0,-0.07,0", "--intrinsics", "262,262,160.3,119.2@320x240", "--loop", "--rate", "5"]
     source, model = ROOT / "models/drive/rgb" / image, ROOT / "models/wnet_c.onnx"
-    with daemon(nunetd, name, *camera, source=str(source), model=model):
+    with daemon(nunetd, name, *camera, source=str(source), model=model) as process:
         command = [sys.executable, EXAMPLES / "stop_before_wall.py", name]
         example = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         try:
-            return float(example.stdout.readline().removesuffix(" m/s\n"))
+            yield example.stdout, process
         finally:
             example.kill()
             example.communicate(timeout=60)
+
+
+def speed_at(nunetd, image):
+    """The first speed that the example prints for an image."""
+    with stop_before_wall(nunetd, image) as (lines, _):
+        return float(next(line for line in lines if line.endswith(" m/s\n")).removesuffix(" m/s\n"))
 
 
 def test_stop_before_wall_drives_where_2_m_are_free_and_all_but_stops_half_a_meter_before_a_chair(nunetd):
@@ -80,6 +88,13 @@ def test_stop_before_wall_drives_where_2_m_are_free_and_all_but_stops_half_a_met
     assert free == 0.6
     assert nearest < 0.15
     assert nearest < near < free
+
+
+def test_stop_before_wall_stops_when_nunetd_is_gone(nunetd):
+    with stop_before_wall(nunetd, "0220.jpg") as (lines, process):
+        assert next(line for line in lines if line.endswith(" m/s\n")) == "0.60 m/s\n"
+        process.kill()
+        assert next(line for line in lines if not line.endswith(" m/s\n")) == "0.00 m/s: no frame for 0.5 s\n"
 
 
 def test_publish_webcam_sends_every_image_of_the_camera(tmp_path):
