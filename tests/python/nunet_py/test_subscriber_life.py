@@ -11,6 +11,7 @@ import nunet_py as nunet
 import pytest
 from streaming import (
     TIMEOUT,
+    attached,
     daemon,
     eventually,
     run_python,
@@ -70,6 +71,14 @@ def test_a_daemon_that_ends_normally_is_a_timeout_too(nunetd):
         with pytest.raises(TimeoutError, match="`depth` is no longer published"):
             for _ in range(1000):
                 frames.next(timeout=0.2)
+
+
+def test_without_a_camera_the_hint_names_its_own_publisher():
+    with attached() as (publisher, frames):
+        publisher.close()
+        with pytest.raises(TimeoutError, match="`rgb` is no longer published") as error:
+            frames.next(timeout=0.2)
+        assert "nunetd feed" in hint_of(error)
 
 
 def test_a_closed_subscriber_raises_errors(still):

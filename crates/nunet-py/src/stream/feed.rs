@@ -168,7 +168,11 @@ impl Feed {
                 }
                 _ => why = format!("`{topic}` is no longer published"),
             }
-            hint = format!("start it again, `nunetd --camera {camera}`: this subscriber then continues");
+            let program = match topic {
+                Topic::Rgb => "the camera's own publisher, such as `nunetd feed`".to_owned(),
+                _ => format!("`nunetd --camera {camera}`"),
+            };
+            hint = format!("start it again, {program}: this subscriber then continues");
             break;
         }
         let seconds = timeout.unwrap_or_default().as_secs_f64();
