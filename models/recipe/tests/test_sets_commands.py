@@ -97,6 +97,7 @@ def test_a_set_without_labels_cannot_train_segmentation_alone(sets, tmp_path, ca
         (("--data", "x"), "`--data` cannot be combined with `--sets"),
         (("--cache", "x"), "`--cache` cannot be combined with `--sets"),
         (("--train-ids", "x"), "`--train-ids` cannot be combined with `--sets"),
+        (("--depth-offset", "0.5"), "`--depth-offset` cannot be combined with `--sets"),
         (("--patch", "0"), "`--patch 0.0`"),
     ],
 )
@@ -108,6 +109,12 @@ def test_options_of_one_folder_and_of_a_list_do_not_mix(sets, tmp_path, capsys, 
 def test_one_of_a_folder_and_a_list_is_needed(tmp_path, capsys):
     assert main(["train", "--run", str(tmp_path), "--component", "depth", "--epochs", "1"]) == 2
     assert "`--data` is missing; hint: pass it, or `--sets LIST`" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("more", [("--fx", "500"), ("--clip",), ("--protocol", "eigen")])
+def test_options_of_one_folder_are_refused_with_a_list_of_sets(sets, capsys, more):
+    assert main(["evaluate", "--model", str(TINY), "--sets", str(sets), *more]) == 2
+    assert f"`{more[0]}` cannot be combined with `--sets" in capsys.readouterr().err
 
 
 def test_evaluate_measures_every_set_and_their_mean(sets, capsys):
@@ -149,6 +156,17 @@ def test_scenes_weigh_alike_whatever_their_images(tmp_path):
     one = figures_of(tmp_path, lambda rgb: np.full(rgb.shape[:2], 1.0), training=SAME)["abs_rel"]
     three = figures_of(tmp_path, lambda rgb: np.full(rgb.shape[:2], 3.0), training=SAME)["abs_rel"]
     assert first == pytest.approx((one + three) / 2)
+
+
+def test_pixels_without_depth_leave_noise_and_roughness_of_the_others(tmp_path):
+    def answer(rgb):
+        depth = np.full(rgb.shape[:2], 2.0, np.float32)
+        depth[0, :3] = np.nan
+        return depth
+
+    found = figures_of(tmp_path, answer, training=SAME, robustness=True)
+    assert (found["noise_mm"], found["roughness_mm"]) == (0.0, 0.0)
+    assert np.isnan(roughness(np.full((6, 6), np.nan)))
 
 
 def test_border_errors_tell_each_side_apart():

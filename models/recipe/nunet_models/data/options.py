@@ -93,8 +93,10 @@ def check_sets_or_data(options: argparse.Namespace, *needed: str) -> None:
             if getattr(options, name) is None:
                 raise OptionError(f"`{_flag(name)}` is missing", hint="pass it, or `--sets LIST`")
         return
-    for name in (*_WITHOUT_SETS, *needed):
-        if getattr(options, name, None) is not None:
+    given = {name: getattr(options, name, None) for name in (*_WITHOUT_SETS, *needed)}
+    given["depth_offset"] = options.depth_offset or None  # 0 is the default
+    for name, value in given.items():
+        if value is not None:
             raise OptionError(
                 f"`{_flag(name)}` cannot be combined with `--sets {options.sets}`; it is set there"
             )

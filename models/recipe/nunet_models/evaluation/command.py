@@ -96,6 +96,7 @@ def run(options: argparse.Namespace) -> int:
     """Carry out `evaluate`; prints JSON."""
     check_sets_or_data(options, "ids")
     if options.sets is not None:
+        _check_alone(options)
         return run_sets(options)
     _check_options(options)
     predictor = Predictor(options.model, threads=options.threads)
@@ -128,6 +129,25 @@ def run(options: argparse.Namespace) -> int:
         _write_csv(options.csv, comparison)
     print(json.dumps(found, indent=1))
     return 0
+
+
+def _check_alone(options: argparse.Namespace) -> None:
+    """Refuse options of one folder's images that a dataset list does not use."""
+    given = {
+        "--fx": options.fx,
+        "--csv": options.csv,
+        "--baseline": options.baseline,
+        "--baseline-ids": options.baseline_ids,
+        "--save-baseline": options.save_baseline,
+        "--clip": options.clip or None,
+        "--protocol": None if options.protocol == "full" else options.protocol,
+    }
+    for option, value in given.items():
+        if value is not None:
+            raise OptionError(
+                f"`{option}` cannot be combined with `--sets {options.sets}`",
+                hint=f"omit `{option}`",
+            )
 
 
 def _check_options(options: argparse.Namespace) -> None:

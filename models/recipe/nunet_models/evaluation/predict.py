@@ -63,8 +63,10 @@ class Predictor:
     @property
     def best_epoch(self) -> int | None:
         """The epoch of the last component's training from which the weights are."""
+        components = json.loads(self.metadata.get("nunet.components", "[]"))
         training = json.loads(self.metadata.get("nunet.training", "{}"))
-        return training.get("depth", {}).get("epochs_done")
+        last = components[-1]["name"] if components else "depth"
+        return training.get(last, {}).get("epochs_done")
 
     def focal_scale(self, fx_px: float, width_px: int) -> float:
         """Factor of depth for a camera of `fx_px` at `width_px`, against the training camera.

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
-from scipy.ndimage import median_filter
+from scipy.ndimage import median_filter, minimum_filter
 
 from nunet_models.data.sets.folder import CameraImage
 from nunet_models.data.sets.view import View, seen
@@ -20,9 +20,21 @@ def noise_change(rgb: np.ndarray, seed: int) -> np.ndarray:
     return (rgb.astype(np.int16) + noise).clip(0, 255).astype(np.uint8)
 
 
+def mean_change(first: np.ndarray, second: np.ndarray) -> float:
+    """Mean absolute difference of two depth maps `[H, W]` where both have depth, else NaN."""
+    change = np.abs(first - second)
+    known = np.isfinite(change)
+    return float(change[known].mean()) if known.any() else np.nan
+
+
 def roughness(depth: np.ndarray) -> float:
-    """Mean absolute difference between depth `[H, W]` and its median of 5x5 pixels."""
-    return float(np.abs(depth - median_filter(depth, 5)).mean())
+    """Mean absolute difference between depth `[H, W]` and its median of 5x5 pixels.
+
+    Pixels with a pixel without depth among these 25 do not count; NaN if all have one.
+    """
+    known = np.isfinite(depth)
+    smooth = median_filter(np.where(known, depth, 0.0), 5)
+    return mean_change(depth, np.where(minimum_filter(known, 5), smooth, np.nan))
 
 
 def border_errors(depth: np.ndarray, truth: np.ndarray) -> dict[str, float]:

@@ -16,7 +16,13 @@ from nunet_models.data.sets.cameras import Pinhole
 from nunet_models.data.sets.folder import CameraImage, CameraSet
 from nunet_models.evaluation.compare import Predict
 from nunet_models.evaluation.protocol import PROTOCOLS, Protocol
-from nunet_models.evaluation.robustness import border_errors, noise_change, rolled_errors, roughness
+from nunet_models.evaluation.robustness import (
+    border_errors,
+    mean_change,
+    noise_change,
+    rolled_errors,
+    roughness,
+)
 from nunet_models.evaluation.sparsification import of_depth
 from nunet_models.metrics import DELTA
 from nunet_models.zoo.spec import Camera
@@ -114,7 +120,7 @@ def _robustness(
 ) -> dict[str, float]:
     noisy = predict(noise_change(image.pair.rgb, index)).depth * np.float32(factor)
     found = {
-        "noise_mm": 1000.0 * float(np.abs(noisy - depth).mean()),
+        "noise_mm": 1000.0 * mean_change(noisy, depth),
         "roughness_mm": 1000.0 * roughness(depth),
         **border_errors(depth, image.pair.depth_m),
     }
