@@ -152,7 +152,11 @@ fn replaced(path: &str, text: &str) -> Vec<String> {
 }
 
 fn is_written_by_us(path: &str) -> bool {
-    let endings = [".rs", ".py", ".pyi", ".md", ".toml", ".h", ".hpp", ".c", ".cpp", ".snap", ".sh", ".yml"];
+    let code = [".rs", ".py", ".pyi", ".h", ".hpp", ".c", ".cpp", ".js", ".html", ".css", ".sh", ".ci/run"];
+    let texts = [".md", ".toml", ".yml", ".yaml", ".snap", ".ipynb", ".xml", ".cmake", ".in"];
+    let packages =
+        [".service", ".rules", ".tmpfiles", ".sysusers", "postinst", "postrm", "/changelog", "/copyright"];
+    let endings = [&code[..], &texts, &packages, &["Containerfile"]].concat();
     endings.iter().any(|ending| path.ends_with(ending))
 }
 
