@@ -54,9 +54,9 @@ def test_a_bad_key_is_named_with_file_and_line(tmp_path, text, line, what):
 
 
 def test_a_list_without_sets_and_one_that_is_not_toml_are_refused(tmp_path):
-    for text in ("", "sets = 3", "[[set]\n"):
+    for text in (b"", b"sets = 3", b"[[set]\n", b"\xff"):
         path = tmp_path / "list.toml"
-        path.write_text(text)
+        path.write_bytes(text)
         with pytest.raises(DataError, match=r"list\.toml"):
             read_dataset_list(path)
 
@@ -87,6 +87,8 @@ def test_an_id_without_intrinsics_is_named_with_the_line_of_the_list_of_ids(room
     ("change", "where"),
     [
         (lambda t: t.replace("001,80.0", "001,far"), r"intrinsics.csv:3: `fx` is `far`"),
+        (lambda t: t.replace("001,80.0", "001,nan"), r"intrinsics.csv:3: `fx` is `nan`"),
+        (lambda t: t.replace(f",{CAMERA.width},", ",inf,"), r"intrinsics.csv:2: `width` is `inf`"),
         (lambda t: t.replace("001,80.0", "001,-1"), r"intrinsics.csv:3: fx, fy"),
         (lambda t: t.replace("001,", "000,"), r"intrinsics.csv:3: id `000` appears twice"),
         (lambda t: t.replace("fx,", "f,"), r"intrinsics.csv:1: no column `fx`"),

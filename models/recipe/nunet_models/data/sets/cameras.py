@@ -66,7 +66,10 @@ def read_intrinsics(path: Path, *, growing: bool = False) -> dict[str, Row]:
         raise DataError(
             f"cannot read `{path}`: no such file", hint="set `intrinsics` for one camera"
         )
-    text = path.read_text(encoding="utf-8-sig")
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise DataError(f"`{path}` is not a table in UTF-8: {error}") from error
     if growing and not text.endswith("\n"):
         text = text[: text.rfind("\n") + 1]
     reader = csv.DictReader(text.splitlines())
@@ -86,9 +89,12 @@ def _row(values: dict[str, str | None], where: str) -> Row:
     numbers = []
     for name in _REQUIRED[1:]:
         try:
-            numbers.append(float(values[name] or ""))
-        except ValueError as error:
-            raise DataError(f"{where}: `{name}` is `{values[name]}`, expected a number") from error
+            number = float(values[name] or "")
+        except ValueError:
+            number = math.nan
+        if not math.isfinite(number):
+            raise DataError(f"{where}: `{name}` is `{values[name]}`, expected a number")
+        numbers.append(number)
     width, height = numbers[4:]
     camera = Pinhole(*numbers[:4], int(width), int(height))
     if not camera.valid or (width, height) != (camera.width, camera.height):

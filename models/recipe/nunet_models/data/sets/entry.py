@@ -140,10 +140,10 @@ def read_dataset_list(path: Path) -> list[SetEntry]:
     """
     if not path.is_file():
         raise DataError(f"cannot read the dataset list `{path}`: no such file")
-    text = path.read_text(encoding="utf-8")
     try:
+        text = path.read_text(encoding="utf-8")
         values = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise DataError(f"{path}: not a TOML file: {error}") from error
     tables = values.get("set", [])
     unknown = sorted(set(values) - {"set"})
