@@ -65,14 +65,29 @@ def test_the_node_publishes_through_nunetd_and_ends_it(make_node: object, receiv
     assert node.has_ended
 
 
-def test_nunetd_is_started_again_after_a_failure(make_node: object, tmp_path: Path) -> None:
-    starts = tmp_path / "starts"
-    program = tmp_path / "failing"
-    program.write_text(f"#!/bin/sh\necho start >> {starts}\nexit 1\n")
+def failing(folder: Path, code: int) -> tuple[str, Path]:
+    """A program that ends with an exit code, and the file to which each start adds a line."""
+    program, starts = folder / "failing", folder / "starts"
+    program.write_text(f"#!/bin/sh\necho start >> {starts}\nexit {code}\n")
     program.chmod(0o755)
-    node = make_node(executable=str(program), restart_delay_s=0.1)
+    return str(program), starts
+
+
+def test_nunetd_is_started_again_after_a_failure(make_node: object, tmp_path: Path) -> None:
+    program, starts = failing(tmp_path, 1)
+    node = make_node(executable=program, restart_delay_s=0.1)
     end = time.monotonic() + TIMEOUT_S
     while not starts.exists() or len(starts.read_text().splitlines()) < 3:
         assert time.monotonic() < end
         time.sleep(0.05)
     assert not node.has_ended
+
+
+def test_wrong_arguments_end_the_node(make_node: object, tmp_path: Path) -> None:
+    program, starts = failing(tmp_path, 2)
+    node = make_node(executable=program, restart_delay_s=0.1)
+    end = time.monotonic() + TIMEOUT_S
+    while not node.has_ended:
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    assert starts.read_text() == "start\n"

@@ -15,6 +15,9 @@ from .command import DEFAULTS, command, network_of
 GRACE_S = 15.0
 """nunetd finishes recordings within 5 s; a stalled disk may take longer."""
 
+BAD_ARGUMENTS = 2
+"""The exit code of nunetd for wrong arguments, with which it would end again."""
+
 
 class NunetNode(Node):
     """Runs nunetd until the node is destroyed."""
@@ -34,10 +37,13 @@ class NunetNode(Node):
         return not self._supervisor.is_alive()
 
     def _supervise(self) -> None:
-        """Starts nunetd, and again after each failure."""
+        """Starts nunetd, and again after each failure, unless its arguments are wrong."""
         delay_s = float(self._parameters["restart_delay_s"])
         while not self._ending.is_set():
             code = self._run()
+            if code == BAD_ARGUMENTS:
+                self.get_logger().fatal("nunetd refuses its arguments; the parameters must be changed")
+                return
             if code == 0 or self._ending.is_set() or delay_s <= 0:
                 return
             self.get_logger().error(f"nunetd ended with {code}; it is started again after {delay_s:g} s")
