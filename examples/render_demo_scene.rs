@@ -1,31 +1,23 @@
-//! Writes views of the demo scene with their exact depth: the image of the README, or a dataset.
+//! Writes views of the ray-cast test room with their exact depth, as a dataset: `rgb/` and `depth/` (16-bit millimeters) as
+//! `nunetd eval` and the recipe read them.
 //!
-//! `cargo run --release -p nunet-daemon --example render_demo_scene -- demo.png`, or `-- DIR` for `rgb/` and
-//! `depth/` (16-bit millimeters) as `nunetd eval` and the recipe read them.
+//! `cargo run --release -p nunet-daemon --example render_demo_scene -- DIR`
 
 use std::error::Error;
 use std::path::Path;
 
-use image::imageops::{FilterType, replace, resize};
-use image::{ImageBuffer, Luma, Rgb, RgbImage};
-use nunet_files::{ResultArrays, depth_image};
+use image::{ImageBuffer, Luma, RgbImage};
 use nunet_testkit::demo::DemoScene;
 use nunet_types::ImageSize;
 
 const SIZE: ImageSize = ImageSize::new(640, 480);
 const SEED: u64 = 1;
-const FRAME: u64 = 30;
-/// Of a dataset: two seconds at 30 frames a second, five images.
+/// Two seconds at 30 frames per second, five images.
 const FRAMES: [u64; 5] = [0, 15, 30, 45, 60];
-const GAP: u32 = 8;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let path = std::env::args().nth(1).ok_or("usage: render_demo_scene FILE.png|DIR")?;
+    let path = std::env::args().nth(1).ok_or("usage: render_demo_scene DIR")?;
     let path = Path::new(&path);
-    if path.extension().is_some_and(|ending| ending == "png") {
-        side_by_side(FRAME)?.save(path)?;
-        return Ok(());
-    }
     for folder in ["rgb", "depth"] {
         std::fs::create_dir_all(path.join(folder))?;
     }
@@ -46,22 +38,4 @@ fn view(frame: u64) -> Result<(RgbImage, Vec<f32>), Box<dyn Error>> {
     let (mut rgb, mut depth_m) = (vec![0; 3 * pixels], vec![0.0; pixels]);
     DemoScene::new(SEED, SIZE.width, SIZE.height).render(frame, &mut rgb, Some(&mut depth_m), None);
     Ok((RgbImage::from_raw(SIZE.width, SIZE.height, rgb).ok_or("the image has another size")?, depth_m))
-}
-
-fn side_by_side(frame: u64) -> Result<RgbImage, Box<dyn Error>> {
-    let (view, depth_m) = view(frame)?;
-    let results = ResultArrays {
-        size: SIZE,
-        depth: &depth_m,
-        metric: true,
-        labels: None,
-        confidence: None,
-        cloud: None,
-    };
-    let colors = depth_image(&results);
-    let width = view.width() + GAP + colors.width();
-    let mut both = RgbImage::from_pixel(width, SIZE.height, Rgb([255, 255, 255]));
-    replace(&mut both, &view, 0, 0);
-    replace(&mut both, &colors, (view.width() + GAP).into(), 0);
-    Ok(resize(&both, width * 2 / 3, SIZE.height * 2 / 3, FilterType::CatmullRom))
 }
