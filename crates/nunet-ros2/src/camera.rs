@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use nunet_core::depth::Scale;
 use nunet_mcap::CameraMount;
 use nunet_mcap::ros::{Header, RosMessage, encode};
-use nunet_ros2_link::{Link, Ros2Error};
+use nunet_ros2_link::{Link, MessagePublisher, Ros2Error};
 use nunet_sink::record::RecordedFrame;
 use nunet_sink::results::Results;
 use nunet_sink::sink::{FinishingSink, Outcome, PublishedFrame, Sink, Status, Wants};
@@ -257,20 +257,19 @@ impl CameraThread {
         let header = Header { frame_id: self.frame_id.as_str().into(), ..header_now() };
         let encoded = encode(&LabelInfo::new(header.clone(), &self.classes), &mut self.message);
         let label_info = encoded.map(|()| self.message.clone());
-        self.send(Topic::LabelInfo, label_info);
+        self.keep(Topic::LabelInfo, label_info);
         if let Some(mount) = self.mount {
             let header = Header { frame_id: self.frame_id.as_str().into(), ..header_now() };
             let encoded = RosMessage::TfStatic(mount).encode(&header, &mut self.message);
             let transform = encoded.map(|()| self.message.clone());
-            self.send(Topic::TfStatic, transform);
+            self.keep(Topic::TfStatic, transform);
         }
     }
 
-    /// Sends a message that does not belong to a frame.
-    fn send(&mut self, topic: Topic, message: Result<Vec<u8>, String>) {
-        let publishers = self.outputs.iter().filter(|(own, _)| *own == topic);
+    /// Sends a message that the network keeps. It is not counted, because how many subscribers get it is decided later.
+    fn keep(&self, topic: Topic, message: Result<Vec<u8>, String>) {
         match message {
-            Ok(message) => publishers.flat_map(|(_, all)| all).for_each(|one| {
+            Ok(message) => self.outputs.of(topic).iter().for_each(|one| {
                 one.send(&message);
             }),
             Err(reason) => warn!("cannot encode `{topic}`: {reason}"),
@@ -283,10 +282,7 @@ impl CameraThread {
         let wanted = wanted & !WITHOUT_FRAME;
         for (topic, publishers) in outputs.iter().filter(|(topic, _)| wanted & bit(*topic) != 0) {
             match encoder.encode(*topic, record) {
-                Ok(Some(message)) => {
-                    let subscribed = publishers.iter().filter(|one| one.subscribers() > 0);
-                    subscribed.for_each(|one| shared.counts.add(one.send(message)));
-                }
+                Ok(Some(message)) => send_counted(publishers, message, &shared.counts),
                 Ok(None) => {}
                 Err(error) => {
                     if let Some(suppressed) = failures.allow(Instant::now()) {
@@ -297,16 +293,23 @@ impl CameraThread {
         }
     }
 
-    fn send_diagnostics(&mut self) {
+    fn send_diagnostics(&self) {
         if self.shared.wanted.load(Ordering::Relaxed) & bit(Topic::Diagnostics) == 0 {
             return;
         }
         let state = *self.shared.state();
         let array = self.diagnostics(&state);
         let mut message = Vec::new();
-        let encoded = encode(&array, &mut message).map(|()| message);
-        self.send(Topic::Diagnostics, encoded);
+        match encode(&array, &mut message) {
+            Ok(()) => send_counted(self.outputs.of(Topic::Diagnostics), &message, &self.shared.counts),
+            Err(reason) => warn!("cannot encode `{}`: {reason}", Topic::Diagnostics),
+        }
     }
+}
+
+/// Sends a message by those `publishers` that have subscribers.
+fn send_counted(publishers: &[Box<dyn MessagePublisher>], message: &[u8], counts: &MessageCounts) {
+    publishers.iter().filter(|one| one.subscribers() > 0).for_each(|one| counts.add(one.send(message)));
 }
 
 #[cfg(test)]

@@ -20,6 +20,12 @@ impl TopicPublishers {
         self.0.iter()
     }
 
+    /// The publishers of a topic, one for each connection; none if the camera does not have it.
+    pub(crate) fn of(&self, topic: Topic) -> &[Box<dyn MessagePublisher>] {
+        let found = self.iter().find(|(own, _)| *own == topic);
+        found.map_or(&[][..], |(_, publishers)| publishers.as_slice())
+    }
+
     /// The topics that something subscribes to, as bits.
     pub(crate) fn wanted(&self) -> u32 {
         let is_wanted =

@@ -1,7 +1,7 @@
 use std::sync::atomic::{AtomicU64, AtomicUsize};
 
 use nunet_core::depth::DepthEncoding;
-use nunet_ros2_link::{Delivery, Endpoint, MessagePublisher, MessageSubscriber};
+use nunet_ros2_link::{Delivery, Endpoint, MessageSubscriber};
 use nunet_sink::sink::Timings;
 use nunet_source::Frame;
 use nunet_telemetry::{DrainTimeout, Totals};
@@ -117,6 +117,19 @@ fn an_image_has_the_pixels_of_its_own_frame() {
     let Taken::Item(copy) = side.shared.mailbox.take(TIMEOUT) else { panic!("no frame") };
     side.send_frame(&copy);
     assert_eq!(sent(), [2, 1]);
+}
+
+#[test]
+fn diagnostics_count_as_messages_while_something_subscribes_to_them() {
+    for (behavior, expected) in [(Behavior::Takes, (1, 0)), (Behavior::Refuses, (0, 1))] {
+        let (diagnostics, counts) = (fake(behavior), MessageCounts::default());
+        let (_sink, side) = played(&[(Topic::Diagnostics, &diagnostics)], &counts);
+        side.send_diagnostics();
+        assert_eq!((counts.sent(), counts.not_taken()), (0, 0), "nothing has subscribed yet");
+        side.shared.wanted.store(bit(Topic::Diagnostics), Ordering::Relaxed);
+        side.send_diagnostics();
+        assert_eq!((counts.sent(), counts.not_taken()), expected);
+    }
 }
 
 #[test]
