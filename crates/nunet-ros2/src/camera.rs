@@ -24,7 +24,7 @@ use self::other_publishers::OtherPublishers;
 use crate::frame_messages::FrameEncoder;
 use crate::messages::{LabelInfo, header_now};
 use crate::options::{CameraOptions, DepthFormat};
-use crate::publishers::{Connections, TopicPublishers, WITH_OBSTACLES, WITHOUT_FRAME, bit};
+use crate::publishers::{Connections, TopicPublishers, WITH_DEPTH, WITH_OBSTACLES, WITHOUT_FRAME, bit};
 use crate::topic::Topic;
 
 /// How often the subscribers are counted: the first frame that a new one gets is so much later at most.
@@ -113,7 +113,7 @@ impl Sink for Ros2Sink {
         copy.record.frame.capture = frame.capture;
         copy.record.frame.frame_id.clone_from(&frame.frame_id);
         copy.record.camera = *camera;
-        copy.record.copy_results(results);
+        copy.record.copy_results(&only(results, wanted));
         if self.shared.mailbox.put_latest(copy) == nunet_source::Put::Replaced {
             self.shared.counts.add_superseded();
         }
@@ -304,6 +304,19 @@ impl CameraThread {
             Ok(()) => send_counted(self.outputs.of(Topic::Diagnostics), &message, &self.shared.counts),
             Err(reason) => warn!("cannot encode `{}`: {reason}", Topic::Diagnostics),
         }
+    }
+}
+
+/// The results that messages of these topics are made of: the others are not copied.
+fn only<'a>(results: &Results<'a>, wanted: u32) -> Results<'a> {
+    let needs = |topics: u32| wanted & topics != 0;
+    Results {
+        depth: if needs(WITH_DEPTH) { results.depth } else { &[] },
+        labels: results.labels.filter(|_| needs(bit(Topic::Labels))),
+        confidence: results.confidence.filter(|_| needs(bit(Topic::Confidence))),
+        cloud: results.cloud.filter(|_| needs(bit(Topic::Points))),
+        obstacles: results.obstacles.filter(|_| needs(WITH_OBSTACLES)),
+        ..*results
     }
 }
 

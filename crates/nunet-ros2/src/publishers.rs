@@ -41,6 +41,8 @@ pub(crate) const fn bit(topic: Topic) -> u32 {
 
 /// Topics whose messages are not made of frames.
 pub(crate) const WITHOUT_FRAME: u32 = bit(Topic::LabelInfo) | bit(Topic::TfStatic) | bit(Topic::Diagnostics);
+/// Topics that are made of depth.
+pub(crate) const WITH_DEPTH: u32 = bit(Topic::Depth) | bit(Topic::HalfDepth);
 /// Topics that are made of obstacles.
 pub(crate) const WITH_OBSTACLES: u32 = bit(Topic::ObstaclePoints) | bit(Topic::Scan);
 

@@ -138,15 +138,17 @@ impl Topic {
         }
     }
 
-    /// What the camera must have; `None` if it always has it.
+    /// Whether the camera has it only if obstacles are found.
     pub(crate) fn needs_obstacles(self) -> bool {
         matches!(self, Self::ObstaclePoints | Self::Scan)
     }
 
+    /// Whether the camera has it only if the model has a confidence.
     pub(crate) fn needs_confidence(self) -> bool {
         self == Self::Confidence
     }
 
+    /// Whether the camera has it only if the model has labels.
     pub(crate) fn needs_labels(self) -> bool {
         matches!(self, Self::Labels | Self::LabelInfo)
     }

@@ -120,6 +120,20 @@ fn an_image_has_the_pixels_of_its_own_frame() {
 }
 
 #[test]
+fn only_what_a_topic_with_a_subscriber_needs_is_copied() {
+    let counts = MessageCounts::default();
+    let (mut sink, side) = played(&[], &counts);
+    for (topic, bytes) in [(Topic::DepthCamera, 0), (Topic::HalfDepth, 16), (Topic::Scan, 0)] {
+        side.shared.wanted.store(bit(topic), Ordering::Relaxed);
+        give(&mut sink, 1);
+        let Taken::Item(copy) = side.shared.mailbox.take(TIMEOUT) else { panic!("no frame") };
+        assert_eq!(copy.record.depth().bytes.len(), bytes, "{topic}");
+        assert_eq!((copy.record.depth().width, copy.record.depth().height), (2, 2));
+        side.shared.mailbox.give_back(copy);
+    }
+}
+
+#[test]
 fn diagnostics_count_as_messages_while_something_subscribes_to_them() {
     for (behavior, expected) in [(Behavior::Takes, (1, 0)), (Behavior::Refuses, (0, 1))] {
         let (diagnostics, counts) = (fake(behavior), MessageCounts::default());
