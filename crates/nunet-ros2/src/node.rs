@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use nunet_ros2_link::environment::Environment;
-use nunet_ros2_link::{Endpoint, Link, LinkName, Ros2Error, connect};
+use nunet_ros2_link::{Endpoint, Link, Ros2Error, connect};
 use nunet_sink::sink::Sink;
 use tracing::{info, warn};
 
@@ -30,9 +30,8 @@ impl Ros2Node {
     /// A variable of the environment is wrong, or the network cannot be used.
     pub fn open(options: &Ros2Options) -> Result<Self, Ros2Error> {
         let environment = Environment::of_process()?;
-        // The same twice would publish each message twice.
-        let names: BTreeSet<&LinkName> = options.links.iter().collect();
-        let links = names.into_iter().map(|name| connect(name, &environment)).collect::<Result<_, _>>()?;
+        let links = options.links.iter().map(|name| connect(name, &environment));
+        let links = distinct(links.collect::<Result<_, _>>()?);
         Ok(Self { links, options: options.clone(), network: ROS_2 })
     }
 
@@ -87,6 +86,18 @@ impl Ros2Node {
         }
         Ok(topics)
     }
+}
+
+/// Each connection once, because a second one would publish each message twice. Two names may be one connection: `dds`
+/// and `dds:0`.
+pub(crate) fn distinct(links: Vec<Arc<dyn Link>>) -> Vec<Arc<dyn Link>> {
+    let mut distinct: Vec<Arc<dyn Link>> = Vec::new();
+    for link in links {
+        if !distinct.iter().any(|known| Arc::ptr_eq(known, &link)) {
+            distinct.push(link);
+        }
+    }
+    distinct
 }
 
 fn listed(topics: &BTreeSet<Topic>, camera: &str) -> String {

@@ -312,3 +312,11 @@ fn another_publisher_of_the_topics_of_a_camera_is_reported_once() {
     assert!(reports(&[link(Some("/rear/scan"))], own.clone()).is_empty());
     assert!(reports(&[], own).is_empty() && reports(&both, None).is_empty());
 }
+
+#[test]
+fn a_connection_with_two_names_is_used_once() {
+    let [first, second] = [(); 2].map(|()| Arc::new(LateLink::default()) as Arc<dyn Link>);
+    let links = crate::node::distinct(vec![Arc::clone(&first), Arc::clone(&second), Arc::clone(&first)]);
+    assert_eq!(links.len(), 2);
+    assert!(Arc::ptr_eq(&links[0], &first) && Arc::ptr_eq(&links[1], &second));
+}
