@@ -63,6 +63,7 @@ impl Fixture {
                 cloud: None,
                 camera: Some(self.camera),
                 obstacles: sink.wants().obstacles.then_some(&self.obstacles),
+                obstacle_frame: "base_link",
             },
             timings: Timings { total_micros: 0, queue_micros: 0, inner_micros: &[], publish_micros: 0 },
         });

@@ -94,7 +94,9 @@ fn obstacles_follow_the_attitude_of_the_robot_and_a_stale_one_is_reported() {
     // The field of view depends on the roll of the camera.
     let mut seen = || {
         let set = next_set(&mut reader);
-        let record = set.get(Topic::Obstacles).unwrap().obstacles().unwrap();
+        let message = set.get(Topic::Obstacles).unwrap();
+        assert_eq!(message.header().frame_id(), "base_footprint", "obstacles are level, `base_link` is not");
+        let record = message.obstacles().unwrap();
         (record.used_attitude, record.angle_min_rad)
     };
     let level = seen();

@@ -72,6 +72,7 @@ fn give(sink: &mut dyn Sink, number: u64) {
         camera: Some(Camera::pinhole(intrinsics)),
         view: PixelRect::whole(SIZE),
         obstacles: None,
+        obstacle_frame: "base_link",
     };
     let timings = Timings { total_micros: 9, queue_micros: 1, inner_micros: &[5], publish_micros: 3 };
     sink.on_frame(&PublishedFrame { frame: &frame, camera: None, results, timings });

@@ -114,6 +114,7 @@ fn halved(camera: CameraDescription) -> CameraDescription {
 #[cfg(test)]
 mod tests {
     use nunet_core::depth::{DepthEncoding, Scale};
+    use nunet_core::obstacle::{Ground, ObstacleSector, Obstacles};
     use nunet_sink::results::Results;
     use nunet_types::{ImageSize, PixelRect};
 
@@ -121,7 +122,12 @@ mod tests {
 
     fn record(size: ImageSize, depth: &[f32]) -> RecordedFrame {
         let mut record = RecordedFrame::default();
-        record.copy_results(&Results {
+        record.copy_results(&results(size, depth));
+        record
+    }
+
+    fn results(size: ImageSize, depth: &[f32]) -> Results<'_> {
+        Results {
             scale: Scale::unscaled(DepthEncoding::Metric),
             size,
             depth,
@@ -132,8 +138,33 @@ mod tests {
             camera: None,
             view: PixelRect::whole(size),
             obstacles: None,
-        });
-        record
+            obstacle_frame: "base_footprint",
+        }
+    }
+
+    #[test]
+    fn obstacles_have_their_own_frame_and_depth_has_that_of_the_camera() {
+        let found = Obstacles {
+            ground: Ground::EXPECTED,
+            sectors: vec![ObstacleSector::UNKNOWN; 3],
+            points: Vec::new(),
+            angle_min_rad: -0.3,
+            angle_step_rad: 0.2,
+            max_range_m: 5.0,
+            used_labels: false,
+        };
+        let mut record = RecordedFrame::default();
+        let size = ImageSize::new(1, 1);
+        record.copy_results(&Results { obstacles: Some(&found), ..results(size, &[1.0]) });
+        let mut encoder = FrameEncoder::new("eye", DepthFormat::Meters);
+        let mut has_frame = |topic, frame: &str| {
+            let message = encoder.encode(topic, &record).unwrap().unwrap();
+            message.windows(frame.len()).any(|bytes| bytes == frame.as_bytes())
+        };
+        for topic in [Topic::Scan, Topic::ObstaclePoints] {
+            assert!(has_frame(topic, "base_footprint") && !has_frame(topic, "eye"), "{topic}");
+        }
+        assert!(has_frame(Topic::Depth, "eye") && !has_frame(Topic::Depth, "base_footprint"));
     }
 
     #[test]

@@ -3,8 +3,17 @@
 use nunet_core::obstacle::{ObstacleOptions, Obstacles};
 use nunet_ipc::{CONTRACT_VERSION, ObstacleRecord};
 
-/// The coordinate frame of obstacles, and the parent of the camera's in `/tf_static`.
-pub const BASE_FRAME: &str = "base_link";
+/// The base of the robot (REP 105), in which the camera is mounted.
+const BASE_FRAME: &str = "base_link";
+/// The base without its roll and pitch (REP 120).
+const LEVEL_BASE_FRAME: &str = "base_footprint";
+
+/// The coordinate frame of obstacles, which is level. It is the base of a robot that stays level itself. The base of one
+/// whose attitude is followed is not level.
+#[must_use]
+pub fn obstacle_frame(follows_attitude: bool) -> &'static str {
+    if follows_attitude { LEVEL_BASE_FRAME } else { BASE_FRAME }
+}
 
 /// Fills a record, which still contains an earlier frame.
 pub fn fill_record(

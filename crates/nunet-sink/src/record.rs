@@ -7,7 +7,6 @@ use nunet_mcap::{CameraDescription, CloudRecord, DepthRecord, ObstaclesRecord, S
 use nunet_source::{Frame, Pixels};
 use nunet_types::{ImageSize, MAX_OBSTACLE_POINTS};
 
-use crate::obstacle_record::BASE_FRAME;
 use crate::results::Results;
 
 /// A copy of a frame for a recording.
@@ -29,6 +28,7 @@ pub struct RecordedFrame {
     /// The obstacles of the last frame that had some; their memory is reused.
     obstacles: Option<Obstacles>,
     has_obstacles: bool,
+    obstacle_frame: &'static str,
 }
 
 impl RecordedFrame {
@@ -79,6 +79,7 @@ impl RecordedFrame {
         self.cloud.extend_from_slice(bytemuck::cast_slice(results.cloud.unwrap_or_default()));
         self.depth_camera = results.camera;
         self.copy_obstacles(results.obstacles);
+        self.obstacle_frame = results.obstacle_frame;
     }
 
     fn copy_obstacles(&mut self, found: Option<&Obstacles>) {
@@ -142,7 +143,7 @@ impl RecordedFrame {
     #[must_use]
     pub fn obstacles(&self) -> Option<ObstaclesRecord<'_>> {
         let found = self.obstacles.as_ref().filter(|_| self.has_obstacles)?;
-        Some(ObstaclesRecord { frame_id: BASE_FRAME, map: found.map() })
+        Some(ObstaclesRecord { frame_id: self.obstacle_frame, map: found.map() })
     }
 
     /// Points. Readers of ROS messages expect meters, so depth without a unit has no points.

@@ -29,4 +29,6 @@ pub struct Results<'a> {
     pub view: PixelRect,
     /// Obstacles; `None` if they were not computed.
     pub obstacles: Option<&'a Obstacles>,
+    /// The coordinate frame of obstacles.
+    pub obstacle_frame: &'static str,
 }

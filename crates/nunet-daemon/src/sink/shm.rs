@@ -19,7 +19,6 @@ use nunet_telemetry::{Counts, Latencies, RateLimit, Totals, foreign_allocations}
 use nunet_types::ImageSize;
 use tracing::{info, warn};
 
-use nunet_sink::obstacle_record::BASE_FRAME;
 use nunet_sink::stats_record::{self, stage_names};
 
 use super::loans::{Loans, plans};
@@ -37,6 +36,8 @@ pub(crate) struct ShmPublisherOptions<'a> {
     pub(crate) publish: &'a [Publish],
     /// Whether obstacles can be read.
     pub(crate) obstacles: bool,
+    /// The coordinate frame of obstacles.
+    pub(crate) obstacle_frame: &'static str,
     pub(crate) limits: Limits,
     pub(crate) model: &'a str,
     /// Checked while waiting for other publishers.
@@ -48,6 +49,7 @@ pub(crate) struct ShmPublisher {
     publisher: Publisher,
     topics: Vec<Topic>,
     header: FrameHeader,
+    obstacle_frame: &'static str,
     size: ImageSize,
     cloud_size: ImageSize,
     cloud_stride: std::num::NonZeroU32,
@@ -98,6 +100,7 @@ impl ShmPublisher {
             publisher,
             topics: plans.iter().map(|plan| plan.topic).collect(),
             header,
+            obstacle_frame: options.obstacle_frame,
             size: pipeline.size(),
             cloud_size: pipeline.cloud_size(),
             cloud_stride: pipeline.cloud_stride(),
@@ -170,6 +173,7 @@ impl ShmPublisher {
             camera: report.camera,
             view: report.view,
             obstacles: None,
+            obstacle_frame: self.obstacle_frame,
         })
     }
 
@@ -245,7 +249,7 @@ impl ShmPublisher {
         let Some(loan) = loan else { return Ok(()) };
         let mut header = self.header;
         header.set_encoding(Encoding::ObstacleRecord);
-        header.set_frame_id(BASE_FRAME);
+        header.set_frame_id(self.obstacle_frame);
         (header.width, header.height, header.row_stride_bytes) = (0, 0, 0);
         send(loan, header)?;
         self.last.has_obstacles = true;

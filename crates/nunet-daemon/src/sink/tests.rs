@@ -256,6 +256,7 @@ fn results() -> Results<'static> {
         camera: None,
         view: nunet_types::PixelRect::default(),
         obstacles: Some(&OBSTACLES),
+        obstacle_frame: "base_footprint",
     }
 }
 

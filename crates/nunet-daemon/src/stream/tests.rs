@@ -156,6 +156,7 @@ fn stream_of(
         frame_id: "camera",
         publish,
         obstacles: false,
+        obstacle_frame: "base_link",
         limits: Limits::default(),
         model: "model.onnx",
         given_up: &|| false,

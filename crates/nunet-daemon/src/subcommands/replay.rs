@@ -9,6 +9,7 @@ use nunet_ipc::CameraName;
 use nunet_sink::empty_depth::EmptyDepthWarning;
 use nunet_sink::file_plan::FilePlan;
 use nunet_sink::frame_writer::{FrameWriter, RecordingOptions, settings};
+use nunet_sink::obstacle_record::obstacle_frame;
 use nunet_sink::record::RecordedFrame;
 use nunet_telemetry::RateLimit;
 use serde_json::json;
@@ -266,6 +267,7 @@ impl Replay {
             camera: report.camera,
             view: report.view,
             obstacles: None,
+            obstacle_frame: obstacle_frame(false),
         });
         let written = self.writer.write(&self.record);
         self.results.update(self.record.depth().bytes);

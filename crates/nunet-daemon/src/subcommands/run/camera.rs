@@ -8,6 +8,7 @@ use nunet_engine::find_model;
 use nunet_ipc::unix_nanos;
 use nunet_sink::attitude::AttitudeStage;
 use nunet_sink::file_plan::{FilePlan, place};
+use nunet_sink::obstacle_record::obstacle_frame;
 use nunet_sink::obstacles::ObstacleStage;
 use nunet_sink::output_file::recording_path;
 use tracing::{Span, error, error_span};
@@ -207,6 +208,7 @@ impl<'a> PreparedCamera<'a> {
                     frame_id: &config.frame_id,
                     publish: &config.publish,
                     obstacles: obstacles.is_some(),
+                    obstacle_frame: obstacle_frame(config.attitude.is_some()),
                     limits: config.limits(),
                     model: &common.model.name,
                     given_up: &|| stop.requested(),
