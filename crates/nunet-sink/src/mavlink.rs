@@ -1,6 +1,6 @@
 //! Obstacles for an autopilot. The messages and the connection are `nunet-mavlink`'s.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use nunet_mavlink::{DistanceRing, LinkEvent, MavlinkAddress, MavlinkLink};
 use tracing::{info, warn};
@@ -9,8 +9,11 @@ use crate::queue::{OnRoom, SinkQueue, Writer};
 use crate::results::Results;
 use crate::sink::{FinishingSink, Outcome, PublishedFrame, Sink, Wants};
 
-/// The number of messages that wait. It is small, because a newer message replaces their content.
+/// The number of messages that wait. It is small, because waiting makes them old.
 const CAPACITY: usize = 2;
+/// Distances that waited longer, while the connection did not respond, are not sent: the autopilot would take them for
+/// those of now.
+const MAX_WAIT: Duration = Duration::from_millis(500);
 
 /// Sends the obstacles of one camera to an autopilot.
 ///
@@ -37,6 +40,7 @@ impl Sink for MavlinkSink {
             let angles = [found.angle_min_rad, found.angle_step_rad];
             item.ring.fill(&found.sectors, angles, found.max_range_m);
             item.unix_micros = u64::try_from(unix_nanos / 1000).unwrap_or(0);
+            item.offered = Some(Instant::now());
         });
     }
 
@@ -54,6 +58,8 @@ impl Sink for MavlinkSink {
 struct Distances {
     ring: DistanceRing,
     unix_micros: u64,
+    /// When it began to wait.
+    offered: Option<Instant>,
 }
 
 struct LinkWriter {
@@ -77,8 +83,12 @@ impl Writer for LinkWriter {
     type Item = Distances;
 
     fn write(&mut self, item: &Distances) {
-        let event = self.link.send(&item.ring, item.unix_micros, Instant::now());
-        self.report(event);
+        // Opening the connection may take long, too.
+        self.flush_if_due();
+        if item.offered.is_some_and(|offered| offered.elapsed() <= MAX_WAIT) {
+            let event = self.link.send(&item.ring, item.unix_micros, Instant::now());
+            self.report(event);
+        }
     }
 
     /// Heartbeats continue while the camera delivers no images.
@@ -88,4 +98,30 @@ impl Writer for LinkWriter {
     }
 
     fn finish(&mut self) {}
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::UdpSocket;
+
+    use super::*;
+
+    #[test]
+    fn distances_that_waited_too_long_are_not_sent() {
+        const TIME_OFFSET: usize = 10; // behind the header of MAVLink 2
+        let autopilot = UdpSocket::bind("127.0.0.1:0").unwrap();
+        autopilot.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
+        let address = format!("udpout:{}", autopilot.local_addr().unwrap()).parse().unwrap();
+        let mut writer = LinkWriter { link: MavlinkLink::new(address) };
+        let now = Instant::now();
+        let old = now.checked_sub(10 * MAX_WAIT);
+        for (unix_micros, offered) in [(1, old), (2, None), (3, now.checked_add(10 * MAX_WAIT))] {
+            writer.write(&Distances { ring: DistanceRing::default(), unix_micros, offered });
+        }
+        let mut message = [0; 300];
+        autopilot.recv(&mut message).unwrap();
+        assert_eq!(message[7], 0, "a heartbeat");
+        autopilot.recv(&mut message).unwrap();
+        assert_eq!(message[TIME_OFFSET], 3, "only that of now");
+    }
 }
