@@ -5,7 +5,7 @@ use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use nunet_types::Hint;
+use nunet_types::{Hint, is_host_and_port};
 
 /// The address of the autopilot: `udpout:HOST:PORT`, `tcpout:HOST:PORT` or `serial:DEVICE:BAUD`, as other
 /// MAVLink programs write it.
@@ -41,18 +41,20 @@ impl FromStr for MavlinkAddress {
     fn from_str(text: &str) -> Result<Self, AddressError> {
         let wrong = || AddressError(text.to_owned());
         let (kind, rest) = text.split_once(':').ok_or_else(wrong)?;
-        let (name, number) = rest.rsplit_once(':').filter(|(name, _)| !name.is_empty()).ok_or_else(wrong)?;
-        let is_port = number.parse::<u16>().is_ok_and(|port| port > 0);
         match kind {
-            "udpout" if is_port => Ok(Self::Udp(rest.to_owned())),
-            "tcpout" if is_port => Ok(Self::Tcp(rest.to_owned())),
-            "serial" => match number.parse() {
-                Ok(baud) if baud > 0 => Ok(Self::Serial { device: name.into(), baud }),
-                _ => Err(wrong()),
-            },
+            "udpout" if is_host_and_port(rest) => Ok(Self::Udp(rest.to_owned())),
+            "tcpout" if is_host_and_port(rest) => Ok(Self::Tcp(rest.to_owned())),
+            "serial" => serial(rest).ok_or_else(wrong),
             _ => Err(wrong()),
         }
     }
+}
+
+/// `DEVICE:BAUD`
+fn serial(text: &str) -> Option<MavlinkAddress> {
+    let (device, baud) = text.rsplit_once(':').filter(|(device, _)| !device.is_empty())?;
+    let baud = baud.parse::<u32>().ok().filter(|baud| *baud > 0)?;
+    Some(MavlinkAddress::Serial { device: device.into(), baud })
 }
 
 impl fmt::Display for MavlinkAddress {
@@ -80,7 +82,8 @@ mod tests {
     fn a_text_that_is_no_address_is_refused_with_the_forms_that_are() {
         let wrong =
             ["", "udpout", "udpout:14550", "udpout::14550", "udpout:a:0", "udpout:a:70000", "tcpin:a:1"];
-        for text in wrong.into_iter().chain(["udp:127.0.0.1:1", "serial:/dev/a", "serial:/dev/a:fast"]) {
+        let wrong = wrong.into_iter().chain(["udp:127.0.0.1:1", "tcpout:::1:5760", "serial:/dev/a"]);
+        for text in wrong.chain(["serial:/dev/a:fast", "serial:/dev/a:0", "serial::57600"]) {
             let error = text.parse::<MavlinkAddress>().unwrap_err();
             assert_eq!(error.to_string(), format!("`{text}` is not a MAVLink address"));
             assert!(error.hint().unwrap().contains("udpout:HOST:PORT"));

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::str::FromStr;
 
+use nunet_types::is_host_and_port;
+
 use crate::environment;
 use crate::error::Ros2Error;
 
@@ -78,7 +80,7 @@ impl FromStr for ZenohEndpoint {
         let address = rest.split(['?', '#']).next().unwrap_or_default();
         let is_valid = match protocol {
             UNIX_PROTOCOL => !address.is_empty(),
-            _ => IP_PROTOCOLS.contains(&protocol) && has_host_and_port(address),
+            _ => IP_PROTOCOLS.contains(&protocol) && is_host_and_port(address),
         };
         let is_plain = |character: char| character.is_ascii_graphic() && !"\"'\\".contains(character);
         if is_valid && text.len() <= MAX_ENDPOINT_BYTES && text.chars().all(is_plain) {
@@ -87,14 +89,6 @@ impl FromStr for ZenohEndpoint {
             Err(Ros2Error::Endpoint { value: text.to_owned() })
         }
     }
-}
-
-fn has_host_and_port(address: &str) -> bool {
-    let is_port = |port: &str| port.parse::<u16>().is_ok_and(|port| port != 0);
-    address.rsplit_once(':').is_some_and(|(host, port)| {
-        let is_bracketed = host.starts_with('[') && host.ends_with(']');
-        !host.is_empty() && (is_bracketed || !host.contains([':', '/'])) && is_port(port)
-    })
 }
 
 #[cfg(test)]

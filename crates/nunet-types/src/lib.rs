@@ -10,6 +10,7 @@
 //! | [`Topic`], [`Encoding`], [`Clock`], [`Wake`] | the properties of a shared-memory message |
 //! | [`layout`], [`contract_struct!`] | structs whose byte layout is fixed, with a table of their fields |
 //! | [`Hint`] | what a user can do about an error |
+//! | [`is_host_and_port`] | whether a text is an address on a network |
 //!
 //! Each enumeration has a number (in shared memory), a name (on the command line, in files, in JSON) and a
 //! documentation text (in the C header). One macro writes all three, so they cannot differ.
@@ -38,6 +39,7 @@ mod cloud_point;
 mod contract;
 mod depth;
 mod hint;
+mod host_port;
 mod image_size;
 pub mod layout;
 mod message;
@@ -54,6 +56,7 @@ pub use cloud_point::{CloudPoint, NO_LABEL};
 pub use contract::CONTRACT_VERSION;
 pub use depth::{Quality, ScaleSource, Units};
 pub use hint::{Hint, hint_of_listen, join_hint, split_hint, text_with_causes, text_with_hint};
+pub use host_port::is_host_and_port;
 pub use image_size::{ImageSize, ImageSizeError, MAX_SIDE_PX};
 pub use message::{Clock, Encoding, Topic, Wake};
 pub use obstacle::{
