@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import PIL.Image
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
@@ -58,6 +59,17 @@ def confident_view(tmp_path: Path) -> Iterator[View]:
     """nunetd with a small untrained model that states its confidence."""
     arguments = ["--model", str(ROOT / "models/tiny/tiny_unet_confidence.onnx")]
     yield from repeated_image(tmp_path, ROOT / "models/clip/rgb", arguments)
+
+
+@pytest.fixture
+def wide_view(tmp_path: Path) -> Iterator[View]:
+    """nunetd on an image that is wider than the network's: depth covers its middle, and the rest is magenta."""
+    folder = tmp_path / "wide"
+    folder.mkdir()
+    image = PIL.Image.new("RGB", (960, 480), (255, 0, 255))
+    image.paste(PIL.Image.open(min((ROOT / "models/clip/rgb").iterdir())), (160, 0))
+    image.save(folder / "wide.png")
+    yield from repeated_image(tmp_path, folder, ["--intrinsics", "518.86,519.47,485.58,253.74@960x480"])
 
 
 def repeated_image(tmp_path: Path, folder: Path, arguments: list[str]) -> Iterator[View]:

@@ -91,6 +91,35 @@ def test_the_readout_is_the_depth_of_depth_npy(browser: Browser, view: View) -> 
     assert watched.problems == []
 
 
+def test_the_readout_and_the_cloud_know_the_part_of_the_image_that_depth_covers(
+    browser: Browser, wide_view: View
+) -> None:
+    """A point of the image reads the depth behind it, and no point of the cloud has a color from beside it."""
+    page = browser.new_page(viewport={"width": 1280, "height": 900})
+    watched = Watched(page)
+    watched.open(wide_view.url)
+    box = page.locator("#image").bounding_box()
+    for x, y in [(100, 80), (320, 240), (600, 400)]:
+        mouse = box["x"] + (160.5 + x) / 960 * box["width"], box["y"] + (y + 0.5) / 480 * box["height"]
+        page.mouse.move(*mouse)
+        near = "x => Math.abs(Number(document.getElementById('readout').dataset.x) - x) < 4"
+        wait_until(page, near, x)
+        assert abs(int(page.get_attribute("#readout", "data-y")) - y) < 4
+        marker = page.locator("#marker").bounding_box()
+        center = marker["x"] + marker["width"] / 2, marker["y"] + marker["height"] / 2
+        assert np.abs(np.subtract(center, mouse)).max() < 6
+    page.mouse.move(box["x"] + 5, box["y"] + 5)
+    wait_until(page, "document.getElementById('readout').dataset.x === '0'")
+    page.mouse.move(0, 0)
+    cloud = canvas(page, "cloud").astype(int)
+    is_magenta = (cloud[..., 0] > 180) & (cloud[..., 1] < 70) & (cloud[..., 2] > 180)
+    assert colors(cloud) > 100
+    assert is_magenta.mean() < 0.01
+    shot(page, "wide")
+    assert watched.problems == []
+    page.close()
+
+
 def test_confidence_is_shown_on_request(browser: Browser, confident_view: View) -> None:
     """Its pane, the readout, and the blended view; nothing of it is computed before."""
     context = browser.new_context(viewport={"width": 1280, "height": 900})

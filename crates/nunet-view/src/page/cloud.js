@@ -9,13 +9,14 @@ uniform float distance_m;
 uniform vec2 focal;
 uniform float spacing_px;
 uniform ivec2 size;
+uniform vec4 part;
 uniform sampler2D colors;
 out vec3 color;
 void main() {
   vec3 point = rotation * (vec3(ray, 1.0) * depth - center);
   point.z += distance_m;
   vec2 pixel = vec2(gl_VertexID % size.x, gl_VertexID / size.x);
-  color = texture(colors, (pixel + 0.5) / vec2(size)).rgb;
+  color = texture(colors, part.xy + part.zw * (pixel + 0.5) / vec2(size)).rgb;
   bool isPoint = depth > 0.0 && point.z > 0.02;
   float near = 0.02, far = 400.0;
   float z = (far + near) / (far - near) * point.z - 2.0 * far * near / (far - near);
@@ -89,8 +90,8 @@ export class Cloud {
     this.gl.bufferData(this.gl.ARRAY_BUFFER, values, usage);
   }
 
-  /** New depth, with the grid of rays of its camera and a canvas of colors. */
-  update(depth, frame, grid, colors) {
+  /** New depth, with the grid of rays of its camera, a canvas of colors, and the part of it that depth covers. */
+  update(depth, frame, grid, colors, part) {
     if (!this.gl) return;
     const { gl } = this;
     const key = `${frame.width} ${frame.height} ${frame.stride} ${frame.depthWidth}`;
@@ -102,6 +103,7 @@ export class Cloud {
       this.center = [0, 0, (frame.near + frame.far) / 2];
     }
     this.size = [frame.width, frame.height];
+    this.part = part;
     this.count = depth.length;
     this.fill(this.depth, depth, gl.DYNAMIC_DRAW);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, gl.RGBA, gl.UNSIGNED_BYTE, colors);
@@ -124,6 +126,7 @@ export class Cloud {
     gl.uniform2f(this.uniform("focal"), (focal * height) / width, focal);
     gl.uniform1f(this.uniform("spacing_px"), (this.spacing * focal * height) / 2);
     gl.uniform2iv(this.uniform("size"), this.size);
+    gl.uniform4fv(this.uniform("part"), this.part);
     gl.drawArrays(gl.POINTS, 0, this.count);
   }
 

@@ -4,7 +4,7 @@ import { Cloud } from "./cloud.js";
 import { Connection } from "./connection.js";
 import { describeObstacles, paintObstacles } from "./obstacles.js";
 import {
-  fillLegend, paintBlend, paintConfidence, paintDepth, paintImage, paintLabels, paintScale,
+  coveredPart, fillLegend, paintBlend, paintConfidence, paintDepth, paintImage, paintLabels, paintScale,
 } from "./panes.js";
 import { Plot } from "./plots.js";
 import { SECTION, UNITS, parseFrame, unpackBytes, unpackDepth, unpackObstacles } from "./protocol.js";
@@ -20,7 +20,7 @@ const state = {
   confidence: null,
   obstacles: null,
   range: null,
-  point: null, // where the readout is: u, v, pane
+  point: null, // where the readout is: u and v as shares of depth, pane
   isPaused: false,
   shown: 0,
   recent: [], // times and sizes of the last frames
@@ -146,9 +146,11 @@ function drawCloud() {
   note.textContent = problem;
   note.hidden = !problem;
   if (problem || !depth) return;
-  const isThere = state[settings.cloudColors] !== null;
-  cloud.update(depth, frame, description.rays, isThere ? canvases[settings.cloudColors] : canvases.depth);
+  const colors = state[settings.cloudColors] === null ? canvases.depth : canvases[settings.cloudColors];
+  cloud.update(depth, frame, description.rays, colors, covered(colors));
 }
+
+const covered = (canvas) => coveredPart([canvases.image, canvases.blend].includes(canvas), state.frame?.view);
 
 /** Colors follow slowly, so that they do not flicker. */
 function updateRange({ near, far, units }) {
@@ -238,16 +240,19 @@ function placeMarker() {
   marker.hidden = !pane || pane.closest("figure").hidden;
   if (marker.hidden) return;
   const [inner, outer] = [pane.getBoundingClientRect(), element("panes").getBoundingClientRect()];
-  marker.style.left = `${inner.left - outer.left + u * inner.width}px`;
-  marker.style.top = `${inner.top - outer.top + v * inner.height}px`;
+  const [left, top, width, height] = covered(pane);
+  marker.style.left = `${inner.left - outer.left + (left + u * width) * inner.width}px`;
+  marker.style.top = `${inner.top - outer.top + (top + v * height) * inner.height}px`;
 }
 
 function pointAt(event) {
   const pane = event.currentTarget;
   const box = pane.getBoundingClientRect();
   const share = (value) => Math.max(0, Math.min(1, value));
-  const u = share((event.clientX - box.left) / box.width);
-  const v = share((event.clientY - box.top) / box.height);
+  const [left, top, width, height] = covered(pane);
+  // Beside the part that depth covers, the nearest pixel of it.
+  const u = share(((event.clientX - box.left) / box.width - left) / width);
+  const v = share(((event.clientY - box.top) / box.height - top) / height);
   state.point = { u, v, pane, byKeyboard: false };
   probe();
 }

@@ -18,6 +18,12 @@ export function resize(canvas, width, height) {
   if (canvas.height !== height) canvas.height = height;
 }
 
+/** The part of a pane that depth covers: left, top, width, height, as shares of the pane. `view` is that of the image. */
+export function coveredPart(showsImage, view) {
+  const isKnown = view?.[2] > 0 && view[3] > 0;
+  return showsImage && isKnown ? view : [0, 0, 1, 1];
+}
+
 /** Fills a canvas from one color per pixel. */
 function paint(canvas, width, height, colorOf) {
   resize(canvas, width, height);
