@@ -5,12 +5,14 @@ import ctypes
 import fcntl
 import json
 import os
+import re
 import shutil
 import signal
 import socket
 import struct
 import subprocess
 import time
+import urllib.request
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -73,6 +75,51 @@ class Daemon:
         assert self.process.wait(TIMEOUT_S) == code, self.log.read_text()
         return json.loads((self.out / "stats.json").read_text())
 
+    def wait_for_log(self, pattern: str, count: int = 1) -> list[str]:
+        """Waits until the log has so many matches of a pattern, and returns all of them."""
+        end = time.monotonic() + TIMEOUT_S
+        while len(found := re.findall(pattern, self.log.read_text())) < count:
+            assert time.monotonic() < end and self.process.poll() is None, self.log.read_text()
+            time.sleep(0.05)
+        return found
+
+    def metric(self, name: str, label: str) -> int:
+        """The value of a metric with this label, as soon as there is one."""
+        address = self.wait_for_log(r"http://127\.0\.0\.1:\d+/metrics")[0]
+        end = time.monotonic() + TIMEOUT_S
+        while True:
+            with urllib.request.urlopen(address, timeout=TIMEOUT_S) as response:
+                text = response.read().decode()
+            if found := re.search(rf"^{name}{{[^}}]*{label}[^}}]*}} (\d+)$", text, re.MULTILINE):
+                return int(found[1])
+            assert time.monotonic() < end, text
+            time.sleep(0.05)
+
+    def published(self) -> int:
+        """Frames that were published until now."""
+        return self.metric("nunet_frames_ended_total", 'end="published"')
+
+    def sent(self) -> int:
+        """Messages that were sent until now."""
+        return self.metric("nunet_messages_total", 'end="sent"')
+
+    def wait_for_frames(self, count: int) -> None:
+        """Waits until so many more frames are published."""
+        enough, end = self.published() + count, time.monotonic() + TIMEOUT_S
+        while self.published() < enough:
+            assert time.monotonic() < end and self.process.poll() is None, self.log.read_text()
+            time.sleep(0.05)
+
+    def wait_until_nothing_is_sent(self) -> None:
+        """Waits for ten frames without a message."""
+        end = time.monotonic() + TIMEOUT_S
+        while True:
+            before = self.sent()
+            self.wait_for_frames(10)
+            if self.sent() == before:
+                return
+            assert time.monotonic() < end, f"{before} messages were sent"
+
 
 @pytest.fixture
 def start_on(tmp_path: Path) -> Iterator[Callable[..., Daemon]]:
@@ -85,7 +132,8 @@ def start_on(tmp_path: Path) -> Iterator[Callable[..., Daemon]]:
         camera = f"ros{os.getpid()}"
         command = [
             nunetd(), "run", "--source", source, "--camera", camera,
-            "--ros2", ros2, "--out", str(out), "--stats-json", str(out / "stats.json"), *arguments,
+            "--ros2", ros2, "--out", str(out), "--stats-json", str(out / "stats.json"),
+            "--metrics", "127.0.0.1:0", *arguments,
         ]  # fmt: skip
         with log.open("w") as stderr:
             environment = {**os.environ, **(env or {})}

