@@ -19,13 +19,26 @@ TIMEOUT_S = 120.0
 CHROMIUM_ARGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 
 
+FREE_PORT = "127.0.0.1:0"
+
+
 @dataclass
 class View:
     """A live view."""
 
-    url: str
-    process: subprocess.Popen
+    command: list[str]
     out: Path
+    log: Path
+    url: str = ""
+    process: subprocess.Popen | None = None
+
+    def start(self) -> None:
+        """Starts nunetd: on a free port, and later on the same one."""
+        address = self.url.removeprefix("http://").removesuffix("/") or FREE_PORT
+        with self.log.open("w") as stderr:
+            command = [*self.command, "--view", address]
+            self.process = subprocess.Popen(command, stderr=stderr, stdin=subprocess.DEVNULL)
+        self.url = wait_for_url(self.process, self.log)
 
     def stop(self) -> None:
         """Ends nunetd, which then writes the results of its last frame."""
@@ -80,15 +93,16 @@ def repeated_image(tmp_path: Path, folder: Path, arguments: list[str]) -> Iterat
     out, log = tmp_path / "out", tmp_path / "log"
     command = [
         nunetd(), "run", "--source", str(images), "--loop", "--rate", "10", "--camera", f"view{os.getpid()}",
-        *arguments, "--out", str(out), "--view", "127.0.0.1:0",
+        *arguments, "--out", str(out),
     ]  # fmt: skip
-    with log.open("w") as stderr:
-        process = subprocess.Popen(command, stderr=stderr, stdin=subprocess.DEVNULL)
+    view = View(command, out, log)
     try:
-        yield View(wait_for_url(process, log), process, out)
+        view.start()
+        yield view
     finally:
-        process.kill()
-        process.wait()
+        if view.process is not None:
+            view.process.kill()
+            view.process.wait()
 
 
 def wait_for_url(process: subprocess.Popen, log: Path) -> str:

@@ -4,7 +4,6 @@ import io
 import json
 import time
 import urllib.request
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +12,20 @@ from PIL import Image
 from playwright.sync_api import Browser, Page
 
 SHOTS = ROOT / "target/browser"
+# Notes the size of each frame, and when the page asked for the first one.
+COUNT_BYTES = """
+window.frameBytes = [];
+window.WebSocket = class extends WebSocket {
+  constructor(...address) {
+    super(...address);
+    this.addEventListener("message", ({ data }) => data.byteLength && window.frameBytes.push(data.byteLength));
+  }
+  send(request) {
+    window.asked ??= performance.now();
+    super.send(request);
+  }
+};
+"""
 
 
 def shot(page: Page, name: str) -> None:
@@ -220,24 +233,29 @@ def test_settings_change_what_is_shown_and_are_kept(browser: Browser, view: View
 
 
 def test_the_page_comes_back_after_the_daemon_is_gone(browser: Browser, view: View) -> None:
-    """It says that it is not connected; that it tries again is in its script."""
+    """It says that it is not connected, and shows frames again without a reload."""
     page = browser.new_page()
     watched = Watched(page)
     watched.open(view.url)
     view.stop()
     wait_until(page, "document.getElementById('state').textContent === 'not connected'")
     assert colors(canvas(page, "image")) > 5, "the last image stays"
+    shown = int(page.inner_text("#shown"))
+    view.start()
+    wait_until(page, "shown => Number(document.getElementById('shown').textContent) > shown", shown)
     page.close()
 
 
 def test_the_default_rate_suits_a_phone(browser: Browser, view: View) -> None:
-    """At most 3 Mbit/s, measured by what the page counts."""
+    """At most 3 Mbit/s on average since the page asked for frames, and three frames more because of jitter."""
     page = browser.new_page(viewport={"width": 390, "height": 844})
+    page.add_init_script(COUNT_BYTES)
     watched = Watched(page)
     watched.open(view.url)
-    page.wait_for_timeout(4000)
-    state = page.inner_text("#state")
-    assert float(state.split("fps, ")[1].split(" ")[0]) <= 3.1, state
+    wait_until(page, "frameBytes.length >= 40")
+    sizes, seconds = page.evaluate("[frameBytes, (performance.now() - asked) / 1000]")
+    print(f"{8e-6 * sum(sizes) / seconds:.2f} Mbit/s over {seconds:.1f} s")
+    assert 8e-6 * sum(sizes) <= 3.0 * seconds + 8e-6 * 3 * max(sizes)
     page.close()
 
 
@@ -274,6 +292,5 @@ def test_first_paint(browser: Browser, view: View) -> None:
     paint = page.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime")
     loaded = time.monotonic() - start
     print(f"first contentful paint after {paint:.0f} ms; seen {1000 * loaded:.0f} ms after the request")
-    assert 0 < paint < 1000 * TIMEOUT_S
+    assert paint > 0
     page.close()
-    assert Path(SHOTS).exists()
