@@ -1,8 +1,11 @@
 """The node of `ros/nunet_ros`: it starts nunetd, restarts it, and ends it with itself."""
 
+import runpy
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import MagicMock
 
 import pytest
 import rclpy
@@ -30,6 +33,27 @@ def test_a_topic_of_images_takes_the_place_of_the_source() -> None:
 def test_nunetd_uses_the_network_of_other_nodes() -> None:
     assert network_of("rmw_zenoh_cpp") == "zenoh"
     assert network_of("rmw_fastrtps_cpp") == network_of("rmw_cyclonedds_cpp") == "dds"
+
+
+def test_launch_arguments_replace_only_what_they_name_in_the_parameter_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With stand-ins for the `launch` packages, which the package index does not have."""
+    given = {"camera": "rear"}
+    packages = {"launch": ["actions", "conditions", "substitutions"]}
+    packages["launch_ros"] = ["actions", "parameter_descriptions", "substitutions"]
+    for package, modules in packages.items():
+        for name in [package, *(f"{package}.{module}" for module in modules)]:
+            monkeypatch.setitem(sys.modules, name, MagicMock())
+    configuration = lambda name: SimpleNamespace(perform=lambda _: given.get(name, ""))  # noqa: E731
+    sys.modules["launch.substitutions"].LaunchConfiguration = configuration
+    sys.modules["launch_ros.parameter_descriptions"].ParameterValue = lambda value, value_type: value
+    sys.modules["launch_ros.actions"].Node = dict
+    launch = runpy.run_path(str(ROOT / "ros/nunet_ros/launch/nunet.launch.py"))
+    (node,) = launch["nunet_node"](None)
+    assert node["parameters"][1:] == [{"camera": "rear"}]
+    given.clear()
+    (node,) = launch["nunet_node"](None)
+    assert len(node["parameters"]) == 1, "the file alone"
+    assert set(launch["ARGUMENTS"]) <= set(DEFAULTS)
 
 
 @pytest.fixture

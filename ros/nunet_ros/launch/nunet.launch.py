@@ -1,20 +1,32 @@
 """`ros2 launch nunet_ros nunet.launch.py source:=/dev/video0 camera:=front`."""
 
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 ARGUMENTS = {
-    "source": ("/dev/video0", "where frames come from"),
-    "image_topic": ("", "a topic with images, instead of the source"),
-    "camera": ("front", "the first part of the topics' names"),
-    "calibration": ("", "a camera calibration file"),
-    "mount": ("", "x,y,z,roll,pitch,yaw of the camera in base_link"),
-    "topics": ("default", "default, all, or a list of topics"),
+    "source": "where frames come from",
+    "image_topic": "a topic with images, instead of the source",
+    "camera": "the first part of the topics' names",
+    "calibration": "a camera calibration file",
+    "mount": "x,y,z,roll,pitch,yaw of the camera in base_link",
+    "topics": "default, all, or a list of topics",
 }
+"""Those that are given replace the values of the parameter file; by default they are empty."""
+
+
+def nunet_node(context: LaunchContext) -> list[Node]:
+    """The node with the parameter file and the arguments that were given."""
+    values = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
+    given = {name: ParameterValue(value, value_type=str) for name, value in values.items() if value}
+    parameters = [LaunchConfiguration("parameters"), *([given] if given else [])]
+    return [
+        Node(package="nunet_ros", executable="nunet_node", name="nunet", output="screen", parameters=parameters)
+    ]
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -22,22 +34,15 @@ def generate_launch_description() -> LaunchDescription:
     share = FindPackageShare("nunet_ros")
     parameters = PathJoinSubstitution([share, "config", "nunet.yaml"])
     declared = [
-        DeclareLaunchArgument(name, default_value=default, description=description)
-        for name, (default, description) in ARGUMENTS.items()
+        DeclareLaunchArgument(name, default_value="", description=description)
+        for name, description in ARGUMENTS.items()
     ]
-    given = {name: LaunchConfiguration(name) for name in ARGUMENTS}
     return LaunchDescription(
         [
             *declared,
             DeclareLaunchArgument("parameters", default_value=parameters, description="a parameter file"),
             DeclareLaunchArgument("rviz", default_value="false", description="show the results"),
-            Node(
-                package="nunet_ros",
-                executable="nunet_node",
-                name="nunet",
-                output="screen",
-                parameters=[LaunchConfiguration("parameters"), given],
-            ),
+            OpaqueFunction(function=nunet_node),
             Node(
                 package="rviz2",
                 executable="rviz2",
