@@ -10,6 +10,7 @@
 //! | [`image_encoder`] | images as JPEG or PNG |
 //! | [`file_plan`] | checks that no file is both read and written, or written twice |
 //! | [`last_frame`], [`file_writer`] | the results of the last frame as files; a thread that writes files |
+//! | [`stdout`] | results on standard output, and log lines |
 //! | [`metrics`], [`view`] | counts and latencies for Prometheus; frames for the live view |
 //! | [`empty_depth`] | a warning about depth maps without valid depth |
 //! | [`stats_record`] | counts and latencies as stored in shared memory |
@@ -18,8 +19,7 @@
 //! | [`attitude`] | the mount of each frame on a robot that pitches or rolls |
 //! | [`mount_option`] | the pose of a camera, as six numbers |
 //! | [`mavlink`] | obstacles for an autopilot |
-//! | [`obstacles`] | the stage that finds obstacles, only for frames whose obstacles a reader or a sink needs
-//! |
+//! | [`obstacles`] | the stage that finds obstacles, only for frames whose obstacles a reader or a sink needs |
 //! | [`obstacle_record`] | obstacles as stored in shared memory |
 //! | [`obstacle_images`] | obstacles of one frame, as files |
 

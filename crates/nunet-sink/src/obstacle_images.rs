@@ -77,6 +77,8 @@ fn obstacles_json(found: &Obstacles) -> Value {
             "max_height_m": sector.max_height_m,
             "seen_from_m": sector.seen_from_m,
             "label": sector.label,
+            "remembered": sector.remembered != 0,
+            "age_s": sector.age_s,
         })
     });
     let ground = found.ground;
@@ -93,4 +95,30 @@ fn obstacles_json(found: &Obstacles) -> Value {
         "sectors": sectors.collect::<Vec<_>>(),
         "points": found.points.len(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use nunet_core::obstacle::{Ground, ObstacleSector, SectorState};
+
+    use super::*;
+
+    #[test]
+    fn a_remembered_obstacle_differs_from_one_that_is_seen() {
+        let seen = ObstacleSector { state: SectorState::Occupied.into(), ..ObstacleSector::UNKNOWN };
+        let remembered = ObstacleSector { remembered: 1, age_s: 0.5, ..seen };
+        let found = Obstacles {
+            ground: Ground::EXPECTED,
+            sectors: vec![seen, remembered],
+            points: Vec::new(),
+            angle_min_rad: -0.5,
+            angle_step_rad: 0.5,
+            max_range_m: 5.0,
+            used_labels: false,
+        };
+        let sectors = &obstacles_json(&found)["sectors"];
+        let of = |index: usize| (sectors[index]["remembered"].clone(), sectors[index]["age_s"].clone());
+        assert_eq!(of(0), (json!(false), json!(0.0)));
+        assert_eq!(of(1), (json!(true), json!(0.5)));
+    }
 }
