@@ -22,6 +22,7 @@ pub mod link;
 pub mod link_name;
 pub mod message_type;
 pub mod name;
+#[cfg(any(feature = "ros2-dds", feature = "ros2-zenoh"))]
 mod queue;
 #[cfg(feature = "ros2-zenoh")]
 mod zenoh;

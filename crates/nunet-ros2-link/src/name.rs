@@ -28,12 +28,14 @@ pub fn full_name(topic: &str) -> Option<String> {
 }
 
 /// `sensor_msgs/msg/Image` as DDS names it: `sensor_msgs::msg::dds_::Image_`.
+#[cfg(any(test, feature = "ros2-dds", feature = "ros2-zenoh"))]
 pub(crate) fn dds_type(type_name: &str) -> String {
     let (package, name) = type_name.rsplit_once('/').unwrap_or(("", type_name));
     format!("{}::dds_::{name}_", package.replace('/', "::"))
 }
 
 /// The reverse of [`dds_type`]; other types stay as they are.
+#[cfg(any(test, feature = "ros2-dds", feature = "ros2-zenoh"))]
 pub(crate) fn ros_type(dds_type: &str) -> String {
     let named = dds_type.strip_suffix('_').and_then(|name| name.split_once("::dds_::"));
     named.map_or_else(
