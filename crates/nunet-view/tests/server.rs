@@ -163,6 +163,23 @@ fn a_viewer_that_is_earlier_than_the_camera_hears_of_it() {
 }
 
 #[test]
+fn a_viewer_hears_of_a_camera_that_is_added_again() {
+    let (server, mut feed) = server();
+    offer(&mut feed, 3);
+    block_on(async {
+        let mut socket = connect(server.address()).await;
+        assert_eq!(report(&mut socket, "hello").await["cameras"], json!(["front"]));
+        say(&mut socket, json!({"type": "watch", "camera": "front"})).await;
+        frame(&mut socket).await;
+        let mut again = server.add_camera("front", &[]);
+        assert_eq!(report(&mut socket, "hello").await["cameras"], json!(["front"]));
+        offer(&mut again, 9);
+        say(&mut socket, json!({"type": "watch", "camera": "front"})).await;
+        assert_eq!(FrameMessage::parse(&frame(&mut socket).await).unwrap().sequence, 9);
+    });
+}
+
+#[test]
 fn a_viewer_receives_what_was_offered() {
     let (server, mut feed) = server();
     offer(&mut feed, 3);

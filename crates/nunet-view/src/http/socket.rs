@@ -58,8 +58,8 @@ struct Client {
     shown: Option<Arc<ViewFrame>>,
     heard: Instant,
     pinged: Instant,
-    /// How many cameras `hello` named.
-    announced: usize,
+    /// The cameras that `hello` named.
+    announced: Vec<Arc<SharedCamera>>,
 }
 
 /// The camera that a viewer watches.
@@ -158,7 +158,7 @@ async fn next_frame(watching: &mut Option<Watching>) -> Option<Arc<ViewFrame>> {
 impl Client {
     fn new(socket: WebSocket, shared: ServerState) -> Self {
         let now = Instant::now();
-        Self { socket, shared, watching: None, shown: None, heard: now, pinged: now, announced: 0 }
+        Self { socket, shared, watching: None, shown: None, heard: now, pinged: now, announced: Vec::new() }
     }
 
     /// Serves the viewer until one side closes. Nothing is read while a frame is being sent. A viewer that
@@ -179,11 +179,12 @@ impl Client {
         }
     }
 
-    /// Names the cameras. At the beginning, and again when one is added: the server runs before the cameras do.
+    /// Names the cameras. At the beginning, and again when one is added, also in the place of another: the server
+    /// runs before the cameras do.
     async fn send_hello(&mut self) -> Result<(), axum::Error> {
-        let cameras = self.shared.cameras.all();
-        self.announced = cameras.len();
-        let cameras = cameras.iter().map(|camera| camera.name.as_str()).collect();
+        let all = self.shared.cameras.all();
+        self.announced.clone_from(&all);
+        let cameras = all.iter().map(|camera| camera.name.as_str()).collect();
         let palette = palette().as_flattened().to_vec();
         self.say(&ServerMessage::Hello { protocol: PROTOCOL_VERSION, cameras, palette }).await
     }
@@ -259,7 +260,7 @@ impl Client {
     }
 
     async fn tick(&mut self) -> Result<AfterMessage, axum::Error> {
-        if self.shared.cameras.all().len() != self.announced {
+        if !are_same(&self.shared.cameras.all(), &self.announced) {
             self.send_hello().await?;
         }
         if let Some(status) = self.watching.as_mut().and_then(Watching::status) {
@@ -278,6 +279,10 @@ impl Client {
     async fn say(&mut self, report: &ServerMessage<'_>) -> Result<(), axum::Error> {
         self.socket.send(Message::Text(report.to_json().into())).await
     }
+}
+
+fn are_same(cameras: &[Arc<SharedCamera>], others: &[Arc<SharedCamera>]) -> bool {
+    cameras.len() == others.len() && cameras.iter().zip(others).all(|(one, other)| Arc::ptr_eq(one, other))
 }
 
 /// The depth, the label and the confidence at a point of a frame.
