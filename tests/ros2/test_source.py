@@ -166,24 +166,31 @@ def test_compressed_images_are_decoded(
 
 
 def test_300_images_at_30_hz_arrive(start_on: object, receiver: Receiver) -> None:
-    """Every image is captured, or reported as lost, and becomes depth or is superseded by a newer one."""
+    """Every image is captured, and becomes depth or is superseded. A busy machine gets them more slowly."""
     daemon = start_on(f"ros2:{TOPIC}", *DEPTH)
     driver, depths = Driver(receiver), depths_of(receiver, daemon)
     message, info = message_of(scene()), camera_info()
     driver.send_until(lambda: bool(depths), message, info)
-    start_s = time.monotonic()
-    for number in range(300):
+
+    def ahead() -> int:
+        return len(driver.sent) - 1 - driver.sent.index(stamp_of(depths[-1]))
+
+    for _ in range(300):
+        start_s = time.monotonic()
         driver.send(message, info)
-        while (left_s := start_s + (number + 1) / 30 - time.monotonic()) > 0:
+        while (left_s := start_s + 1 / 30 - time.monotonic()) > 0:
             receiver.executor.spin_once(timeout_sec=left_s)
+        # Best effort: the queues of nunetd hold a few images. The newest depth may not have been taken.
+        while ahead() > 3 and time.monotonic() < start_s + 5:
+            receiver.executor.spin_once(timeout_sec=0.1)
     last = driver.sent[-1]
     driver.send_until(lambda: stamp_of(depths[-1]) > last, message, info)
     frames = daemon.stop()["frames"]
     print(frames, f"{len(depths)} depths received")
-    assert frames["captured"] <= len(driver.sent)
-    assert frames["captured"] >= 300 or "lost on the network" in daemon.log.read_text(), daemon.log.read_text()
+    assert 300 <= frames["captured"] <= len(driver.sent), daemon.log.read_text()
     assert frames["failed"] == 0
     assert frames["published"] + frames["superseded"] == frames["captured"]
+    assert "lost on the network" not in daemon.log.read_text()
 
 
 @pytest.mark.parametrize("size", [(640, 480), (1920, 1080)])
