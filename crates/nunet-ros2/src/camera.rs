@@ -235,6 +235,7 @@ impl CameraThread {
             }
             match self.shared.mailbox.take(COUNT_PERIOD) {
                 Taken::Item(copy) => {
+                    self.follow_frame_id(&copy.record.frame.frame_id);
                     self.send_frame(&copy);
                     self.shared.mailbox.give_back(copy);
                 }
@@ -250,6 +251,14 @@ impl CameraThread {
         let counts = &self.shared.counts;
         counts.add_dropped(self.links.iter().map(|link| link.take_dropped()).sum());
         counts.set_problems(self.links.iter().filter_map(|link| link.problem()).collect());
+    }
+
+    /// Images of another node state their own coordinate frame. What is kept must name it, too.
+    fn follow_frame_id(&mut self, stated: &str) {
+        if !stated.is_empty() && stated != self.frame_id {
+            stated.clone_into(&mut self.frame_id);
+            self.send_kept();
+        }
     }
 
     /// What late subscribers get.

@@ -135,6 +135,20 @@ fn only_what_a_topic_with_a_subscriber_needs_is_copied() {
 }
 
 #[test]
+fn the_transform_is_sent_again_if_frames_state_another_coordinate_frame() {
+    let (transform, counts) = (fake(Behavior::Takes), MessageCounts::default());
+    let mount = Some(CameraMount { translation_m: [0.0; 3], roll_pitch_yaw_rad: [0.0; 3] });
+    let camera = CameraOptions { mount, ..options(&counts) };
+    let outputs = outputs(&[(Topic::TfStatic, &transform)]);
+    let mut side = CameraThread::new(&camera, DepthFormat::Meters, outputs, Connections::default());
+    side.send_kept();
+    for (stated, sent) in [("", 1), ("eye", 1), ("robot_eye", 2), ("robot_eye", 2), ("", 2)] {
+        side.follow_frame_id(stated);
+        assert_eq!(transform.sent.load(Ordering::Relaxed), sent, "`{stated}`");
+    }
+}
+
+#[test]
 fn diagnostics_count_as_messages_while_something_subscribes_to_them() {
     for (behavior, expected) in [(Behavior::Takes, (1, 0)), (Behavior::Refuses, (0, 1))] {
         let (diagnostics, counts) = (fake(behavior), MessageCounts::default());
