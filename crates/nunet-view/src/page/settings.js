@@ -14,7 +14,7 @@ const isCheckbox = (input) => input.type === "checkbox";
 function load() {
   let kept = {};
   try {
-    kept = JSON.parse(localStorage.getItem(KEY)) ?? {};
+    kept = Object(JSON.parse(localStorage.getItem(KEY)));
   } catch {
     // The browser keeps nothing, or something else wrote it: the defaults hold.
   }
