@@ -2,7 +2,8 @@
 
 use std::net::{Ipv4Addr, SocketAddrV4};
 
-use network_interface::{Addr, NetworkInterface, NetworkInterfaceConfig as _};
+use network_interface::{Addr, Error, NetworkInterface, NetworkInterfaceConfig as _};
+use tracing::warn;
 
 /// Where participants announce themselves.
 pub(super) const MULTICAST_GROUP: Ipv4Addr = Ipv4Addr::new(239, 255, 0, 1);
@@ -51,9 +52,33 @@ impl OwnAddress {
     }
 }
 
-/// The addresses of this machine, without loopback.
+/// The addresses of this machine, without loopback. If there are none, other machines cannot be reached, and
+/// a warning says so.
 pub(super) fn own_addresses() -> Vec<OwnAddress> {
-    let interfaces = NetworkInterface::show().unwrap_or_default();
+    let listed = NetworkInterface::show().map(addresses_of);
+    if let Some((reason, hint)) = isolation(&listed) {
+        warn!(hint, "{reason}: ROS 2 nodes on other machines and this one do not find each other");
+    }
+    listed.unwrap_or_default()
+}
+
+/// Why no other machine can be reached, with a hint; `None` if there is an address.
+fn isolation(listed: &Result<Vec<OwnAddress>, Error>) -> Option<(String, &'static str)> {
+    match listed {
+        Ok(own) if own.is_empty() => Some((
+            "no network interface has an IPv4 address".to_owned(),
+            "restart when one has; if it is intended, set ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST",
+        )),
+        Ok(_) => None,
+        // The library knows neither the call's errno nor more than its name.
+        Err(error) => Some((
+            format!("cannot list the network interfaces: {error}"),
+            "under systemd, add RestrictAddressFamilies=AF_NETLINK to the unit",
+        )),
+    }
+}
+
+fn addresses_of(interfaces: Vec<NetworkInterface>) -> Vec<OwnAddress> {
     let addresses = interfaces.into_iter().flat_map(|interface| interface.addr);
     let addresses = addresses.filter_map(|address| match address {
         Addr::V4(v4) => Some(OwnAddress { ip: v4.ip, netmask: v4.netmask.unwrap_or(Ipv4Addr::BROADCAST) }),
@@ -91,6 +116,16 @@ mod tests {
     fn every_domain_has_ports() {
         assert_eq!((multicast_port(0), discovery_port(0, 0), data_port(0, 1)), (7400, 7410, 7413));
         assert_eq!(data_port(232, MAX_PARTICIPANTS - 1), 65_473);
+    }
+
+    #[test]
+    fn a_machine_without_addresses_is_reported_and_a_failure_to_list_them_is_another_reason() {
+        let own = OwnAddress { ip: Ipv4Addr::new(192, 168, 1, 2), netmask: Ipv4Addr::new(255, 255, 255, 0) };
+        assert_eq!(isolation(&Ok(vec![own])), None);
+        let unplugged = isolation(&Ok(Vec::new())).unwrap();
+        let refused = isolation(&Err(Error::GetIfAddrsError("getifaddrs".to_owned(), -1))).unwrap();
+        assert!(refused.0.contains("getifaddrs"), "{}", refused.0);
+        assert_ne!(unplugged.1, refused.1, "only one of them is a matter of permissions");
     }
 
     #[test]
