@@ -42,10 +42,12 @@ pub(crate) struct ReplayedImage {
 pub(crate) enum ReplayedStep {
     /// The results of an image.
     Image(Box<ReplayedImage>),
-    /// An image that cannot be read. The next one may be good.
+    /// An image that cannot be read or processed. The next one may be good.
     Lost {
         /// Its index, from 0.
         sequence: u64,
+        /// `false` if the recording's data are at fault.
+        was_read: bool,
         /// The reason.
         error: anyhow::Error,
     },
@@ -104,11 +106,12 @@ impl ImageReplay {
                 let played = camera.and_then(|camera| self.process(model, camera, uses_factor));
                 Ok(match played {
                     Ok(played) => ReplayedStep::Image(Box::new(played)),
-                    Err(error) => ReplayedStep::Lost { sequence: self.frame.sequence, error },
+                    Err(error) => ReplayedStep::Lost { sequence: self.frame.sequence, was_read: true, error },
                 })
             }
             Fill::Failed(error) => {
-                Ok(ReplayedStep::Lost { sequence: self.frame.sequence, error: error.into() })
+                let sequence = self.frame.sequence;
+                Ok(ReplayedStep::Lost { sequence, was_read: false, error: error.into() })
             }
             Fill::Nothing | Fill::Crowded => Ok(ReplayedStep::Nothing),
             Fill::End => Ok(ReplayedStep::End),

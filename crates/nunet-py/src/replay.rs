@@ -65,8 +65,9 @@ impl PyReplay {
                     model.warn_of_guesses(py, &played.inferred)?;
                     return Result::of_recording(py, *played, self.topic.clone(), model.shared()).map(Some);
                 }
-                ReplayStep::Step(ReplayedStep::Lost { sequence, error }) => {
-                    warn(py, &format!("cannot read image {sequence} of `{}`: {error:#}", self.path))?;
+                ReplayStep::Step(ReplayedStep::Lost { sequence, was_read, error }) => {
+                    let action = if was_read { "process" } else { "read" };
+                    warn(py, &format!("cannot {action} image {sequence} of `{}`: {error:#}", self.path))?;
                 }
                 // Between images, so that Ctrl-C ends the wait.
                 ReplayStep::Step(ReplayedStep::Nothing) => py.check_signals()?,
@@ -123,7 +124,7 @@ impl PyReplay {
 /// Warns
 /// -----
 /// UserWarning
-///     An image cannot be read and is skipped. Once for a model: see `Model.infer`.
+///     An image cannot be read or processed and is skipped. Once for a model: see `Model.infer`.
 #[pyfunction]
 #[pyo3(signature = (path, model, *, topic = None, camera = None, rotate = None))]
 fn replay(

@@ -8,8 +8,9 @@ import sys
 import numpy as np
 import nunet_py as nunet
 import pytest
+import test_recordings
 from support import ON_THE_COMMAND_LINE, RECURRENT, TINY, hint_of, model
-from test_recordings import FIRST_NANOS, FRAMES, PERIOD_NANOS, K, make_bag
+from test_recordings import FIRST_NANOS, FRAMES, PERIOD_NANOS, SIZE, K, compressed, image, make_bag
 from test_scale import CALIBRATION
 
 
@@ -82,6 +83,25 @@ def test_the_camera_argument_overrides_that_of_the_recording(tmp_path, tiny):
     with pytest.raises(nunet.CameraError, match="100x100"):
         next(square)
     assert list(square) == []
+
+
+def test_a_skipped_image_is_reported_as_unreadable_only_if_it_is(tmp_path, tiny, monkeypatch):
+    images = [image(0), image(1)[:, : SIZE[1]], image(2)]
+    bag = make_bag(tmp_path / "bag", "png", images=images, info=False)
+    camera = nunet.Camera(525, 525, 320, 240, SIZE)
+    with pytest.warns(UserWarning, match="cannot process image 1 of .*480x480"):
+        results = list(nunet.replay(bag, tiny, camera=camera))
+    assert [result.sequence for result in results] == [0, 2]
+    signature = 8  # bytes of it; the second file lacks it
+
+    def spoiled(rgb, form):
+        return compressed(rgb, form)[signature * np.array_equal(rgb, images[1]) :]
+
+    monkeypatch.setattr(test_recordings, "compressed", spoiled)
+    bag = make_bag(tmp_path / "spoiled", "png", images=images, info=False)
+    with pytest.warns(UserWarning, match="cannot read image 1 of"):
+        results = list(nunet.replay(bag, tiny, camera=camera))
+    assert [result.sequence for result in results] == [0, 2]
 
 
 def test_a_factor_of_another_model_is_ignored_with_a_warning(tmp_path):
