@@ -65,8 +65,10 @@ def test_an_attitude_is_published_and_wrong_angles_are_refused():
         with pytest.raises(nunet.NunetError, match="already published"):
             nunet.AttitudePublisher(name)
     attitude.close()
-    with pytest.raises(nunet.NunetError, match="is closed"):
-        attitude.publish(0.0, 0.0)
+    for use in (lambda: attitude.publish(0.0, 0.0), attitude.__enter__):
+        with pytest.raises(nunet.NunetError, match="is closed") as error:
+            use()
+        hint_of(error)
     with pytest.raises(ValueError, match="no position in a recording"):
         nunet.AttitudePublisher(name, clock="media")
 

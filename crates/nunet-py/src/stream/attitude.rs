@@ -49,6 +49,11 @@ impl PyAttitudePublisher {
     fn open(&self) -> PyResult<MutexGuard<'_, Option<AttitudePublisher>>> {
         Ok(self.open.get("publisher")?.lock().unwrap_or_else(PoisonError::into_inner))
     }
+
+    fn closed(&self) -> PyErr {
+        let message = format!("this publisher of the attitude for camera `{}` is closed", self.camera);
+        hinted::<NunetError>(message, "use it inside its `with` block, or make a new one")
+    }
 }
 
 #[pymethods]
@@ -95,10 +100,7 @@ impl PyAttitudePublisher {
     ) -> PyResult<()> {
         let now = || if self.clock == Clock::Unix { unix_nanos() } else { monotonic_nanos() };
         let mut open = self.open()?;
-        let publisher = open.as_mut().ok_or_else(|| {
-            let message = format!("this publisher of the attitude for camera `{}` is closed", self.camera);
-            hinted::<NunetError>(message, "use it inside its `with` block, or make a new one")
-        })?;
+        let publisher = open.as_mut().ok_or_else(|| self.closed())?;
         let published = publisher.publish(capture_nanos.unwrap_or_else(now), roll, pitch);
         published.map_err(|error| match error {
             IpcError::Attitude { .. } => hinted::<PyValueError>(error.to_string(), "give angles in radians"),
@@ -119,8 +121,12 @@ impl PyAttitudePublisher {
         self.camera.as_str()
     }
 
-    fn __enter__(slf: Py<Self>) -> Py<Self> {
-        slf
+    fn __enter__(slf: Py<Self>) -> PyResult<Py<Self>> {
+        let this = slf.get();
+        if this.open()?.is_none() {
+            return Err(this.closed());
+        }
+        Ok(slf)
     }
 
     #[pyo3(signature = (*_exception))]
