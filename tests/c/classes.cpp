@@ -102,10 +102,11 @@ static void attitude(const std::string &own) {
   publisher.publish(1, 0.25f, 0);
   publisher.publish(2, 0, -0.5f);
   auto frame = reader.next(NUNET_TOPIC_ATTITUDE, 30s);
-  const nunet_attitude_t *found = nullptr;
-  HOLDS(frame && nunet_frame_attitude(frame->get(), &found) == NUNET_OK && found->sample_count == 2);
-  HOLDS(found && found->samples[0].roll_rad == 0.25f);
-  HOLDS(found && found->samples[1].capture_nanos == 2 && found->samples[1].pitch_rad == -0.5f);
+  HOLDS(frame && frame->attitude().sample_count == 2);
+  const auto samples = frame ? frame->attitude_samples() : nunet::Bytes<const nunet_attitude_sample_t>{};
+  HOLDS(samples.size == 2 && samples.data[0].roll_rad == 0.25f);
+  HOLDS(samples.size == 2 && samples.data[1].capture_nanos == 2 && samples.data[1].pitch_rad == -0.5f);
+  HOLDS(frame && status_of([&] { frame->depth(); }) == NUNET_WRONG_ENCODING);
 }
 
 int main(int argc, char **argv) {

@@ -153,6 +153,17 @@ public:
     const nunet_obstacles_t &found = obstacles();
     return {found.points, found.point_count};
   }
+  /** The last samples of the attitude of the robot's base. Only the samples in use mean something. */
+  const nunet_attitude_t &attitude() const {
+    const nunet_attitude_t *attitude;
+    check(nunet_frame_attitude(handle_.get(), &attitude));
+    return *attitude;
+  }
+  /** The samples of `attitude()` in use, oldest first. */
+  Bytes<const nunet_attitude_sample_t> attitude_samples() const {
+    const nunet_attitude_t &found = attitude();
+    return {found.samples, found.sample_count};
+  }
   /** The time since capture; empty where the sender knows neither the monotonic clock's time nor the time of day. */
   std::optional<std::chrono::nanoseconds> age() const {
     std::int64_t nanos;
