@@ -82,6 +82,7 @@ def test_seeds_are_averaged_per_image(tmp_path):
     [
         (["a,1"], "id,rmse", "has no columns `id` and `abs_rel`"),
         (["a,good,1"], "id,abs_rel,delta1", "line 2: `good` is not a number"),
+        (["a,nan,1"], "id,abs_rel,delta1", "line 2: `nan` is not a number"),
         (["b,1,1"], "id,abs_rel,delta1", "is of other images than"),
     ],
 )
@@ -126,6 +127,13 @@ def test_networks_without_meters_are_compared_by_the_paper_s_error_alone(tmp_pat
     assert [line.split("|")[3] for line in text.splitlines() if line.startswith("| a |")] == [
         " minmax_mse "
     ]
+
+
+def test_a_file_that_is_not_in_utf_8_is_named(tmp_path, capsys):
+    write(tmp_path / "a.csv", ["0,0.1,0.1,0.9,0.04"], COLUMNS)
+    (tmp_path / "b.csv").write_bytes("id,rmse\n".encode("utf-16"))
+    assert report(tmp_path, f"{tmp_path}/a.csv", f"{tmp_path}/b.csv")[0] == 1
+    assert "b.csv` is not a table in UTF-8" in capsys.readouterr().err
 
 
 def test_a_missing_file_is_named(tmp_path, capsys):

@@ -78,6 +78,37 @@ def test_a_result_whose_model_has_no_name_is_refused(tmp_path, model):
         read_evaluation(path)
 
 
+@pytest.mark.parametrize(
+    "content",
+    [
+        json.dumps(OF_NUNETD).encode("utf-16"),
+        json.dumps(OF_NUNETD | {"minmax": [1]}).encode(),
+        json.dumps(OF_NUNETD | {"metrics": 0.7}).encode(),
+    ],
+)
+def test_a_result_in_another_form_is_refused(tmp_path, content):
+    path = tmp_path / "eval.json"
+    path.write_bytes(content)
+    with pytest.raises(DataError, match="is not a result of `evaluate`: "):
+        read_evaluation(path)
+
+
+@pytest.mark.parametrize(
+    ("steps", "words"),
+    [
+        (b"step,loss\n1,much\n", "steps.csv`, line 2: could not convert"),
+        (b"step,loss\n1\n", "steps.csv`, line 2: "),
+        (b"step,rmse\n1,2\n", "steps.csv` has no columns `step` and `loss`"),
+        ("step,loss\n".encode("utf-16"), "steps.csv` is not a log in UTF-8"),
+    ],
+)
+def test_a_log_that_is_none_is_named(tmp_path, capsys, steps, words):
+    (tmp_path / "steps.csv").write_bytes(steps)
+    (tmp_path / "epochs.csv").write_text("epoch,rmse\n1,0.9\n")
+    assert main(["report", "--out", str(tmp_path / "out"), "--run", str(tmp_path)]) == 1
+    assert words in capsys.readouterr().err
+
+
 def test_a_report_holds_tables_curves_and_images(dataset, tmp_path, capsys):
     run, out = tmp_path / "run", tmp_path / "out"
     run.mkdir()

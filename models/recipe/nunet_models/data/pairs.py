@@ -10,6 +10,7 @@ from PIL import Image, ImageOps, UnidentifiedImageError
 
 from nunet_models.classes import CLASSES_13, IGNORE, labels13_from_labels40
 from nunet_models.errors import DataError
+from nunet_models.files import read_text
 
 RGB_SUFFIXES = (".jpg", ".jpeg", ".png")
 SIXTEEN_TO_EIGHT = 257  # 65535 / 255
@@ -198,10 +199,7 @@ def list_of_lines(path: Path) -> dict[str, int]:
     if not path.is_file():
         what = "is not a file" if path.exists() else "is missing"
         raise DataError(f"`{path}` {what}; expected a list of ids, one per line")
-    try:
-        lines = path.read_text(encoding="utf-8-sig").split("\n")
-    except UnicodeDecodeError as error:
-        raise DataError(f"`{path}` is not a list of ids in UTF-8: {error}") from error
+    lines = read_text(path, "a list of ids").split("\n")
     named = [(line.strip(), number) for number, line in enumerate(lines, 1) if line.strip()]
     if not named:
         raise DataError(f"`{path}` holds no ids")

@@ -1,6 +1,8 @@
 """Whether two networks differ on the same images, by a paired bootstrap over the images."""
 
 import csv
+import io
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +11,7 @@ import numpy as np
 
 from nunet_models.errors import DataError
 from nunet_models.evaluation.compare import ROW
+from nunet_models.files import read_text
 
 RESAMPLES = 10_000
 COVERAGE = 0.95
@@ -88,24 +91,29 @@ def read_scores(paths: Sequence[Path], metric: str) -> dict[str, float | None]:
 
 
 def _column(path: Path, metric: str) -> dict[str, float | None]:
-    with path.open(newline="", encoding="utf-8") as file:
-        rows = csv.DictReader(file)
-        if not {"id", metric} <= set(rows.fieldnames or ()):
-            raise DataError(
-                f"`{path}` has no columns `id` and `{metric}`",
-                hint=f"`evaluate --csv` writes {', '.join(ROW[:3])}, ...",
-            )
-        found: dict[str, float | None] = {}
-        for row in rows:
-            found[row["id"]] = _number(row[metric], path, rows.line_num)
+    rows = csv.DictReader(io.StringIO(read_text(path, "a table")))
+    if not {"id", metric} <= set(rows.fieldnames or ()):
+        raise DataError(
+            f"`{path}` has no columns `id` and `{metric}`",
+            hint=f"`evaluate --csv` writes {', '.join(ROW[:3])}, ...",
+        )
+    found: dict[str, float | None] = {}
+    for row in rows:
+        found[row["id"]] = _number(row[metric], path, rows.line_num)
     return found
 
 
 def _number(text: str | None, path: Path, line: int) -> float | None:
+    """A metric; None where it could not be measured, which is an empty cell."""
+    if not text:
+        return None
     try:
-        return float(text) if text else None
-    except ValueError as error:
-        raise DataError(f"`{path}`, line {line}: `{text}` is not a number") from error
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise DataError(f"`{path}`, line {line}: `{text}` is not a number")
+    return number
 
 
 def _mean(values: list[float | None]) -> float | None:

@@ -15,6 +15,7 @@ import numpy as np
 from PIL import Image
 
 from nunet_models.errors import DataError
+from nunet_models.files import read_text
 from nunet_models.rendering.intrinsics import Intrinsics
 
 COLUMNS = ("id", "fx", "fy", "cx", "cy", "width", "height", "sensor", "scene")
@@ -104,19 +105,18 @@ def read_rows(path: Path) -> list[dict[str, str]]:
     """The rows of an `intrinsics.csv`; none if the file is not there yet."""
     if not path.exists():
         return []
-    with path.open(newline="") as file:
-        reader = csv.reader(file)
-        header = next(reader, [])
-        if tuple(header) != COLUMNS:
-            raise DataError(
-                f"{path}:1: columns are `{','.join(header)}`, expected `{','.join(COLUMNS)}`"
-            )
-        rows = []
-        for number, values in enumerate(reader, 2):
-            if len(values) != len(COLUMNS):
-                raise DataError(f"{path}:{number}: {len(values)} values, expected {len(COLUMNS)}")
-            rows.append(dict(zip(COLUMNS, values, strict=True)))
-        return rows
+    reader = csv.reader(io.StringIO(read_text(path, "a table")))
+    header = next(reader, [])
+    if tuple(header) != COLUMNS:
+        raise DataError(
+            f"{path}:1: columns are `{','.join(header)}`, expected `{','.join(COLUMNS)}`"
+        )
+    rows = []
+    for number, values in enumerate(reader, 2):
+        if len(values) != len(COLUMNS):
+            raise DataError(f"{path}:{number}: {len(values)} values, expected {len(COLUMNS)}")
+        rows.append(dict(zip(COLUMNS, values, strict=True)))
+    return rows
 
 
 @contextlib.contextmanager

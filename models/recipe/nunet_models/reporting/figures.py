@@ -1,6 +1,7 @@
 """Figures: loss curves, an image evolving over epochs, networks side by side."""
 
 import csv
+import io
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,10 +13,13 @@ from matplotlib.ticker import MaxNLocator
 
 from nunet_models.errors import DataError
 from nunet_models.evaluation.compare import stretched
+from nunet_models.files import read_text
 from nunet_models.training.log import EVOLUTION
 
 DPI = 120
 MANY = 10  # curves, from which on colors of ten would come twice
+LOGGED = {"steps.csv": ("step", "loss"), "epochs.csv": ("epoch", "miou", "rmse")}
+"""Of each log of a run: the column that numbers its rows, and those of which one is drawn."""
 EPOCHS_SHOWN = 6  # as many as fit side by side on a page
 
 Panel = tuple[str, np.ndarray]
@@ -118,9 +122,14 @@ def _rows(path: Path) -> list[dict[str, float]]:
     """Rows of a log; of a step or epoch that a resumed run repeated, the later one."""
     if not path.is_file():
         raise DataError(f"no log `{path}`", hint="a run's folder has one after its first epoch")
-    with path.open(newline="", encoding="utf-8") as file:
-        rows = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(file)]
+    reader = csv.DictReader(io.StringIO(read_text(path, "a log")))
+    try:
+        rows = [{k: float(v) for k, v in row.items()} for row in reader]
+    except (TypeError, ValueError) as error:  # also too few or too many values
+        raise DataError(f"`{path}`, line {reader.line_num}: {error}") from error
     if not rows:
         raise DataError(f"`{path}` is empty")
-    key = "step" if "step" in rows[0] else "epoch"
+    key, *metrics = LOGGED[path.name]
+    if key not in rows[0] or not rows[0].keys() & set(metrics):
+        raise DataError(f"`{path}` has no columns `{key}` and `{'` or `'.join(metrics)}`")
     return [row for _, row in sorted({row[key]: row for row in rows}.items())]

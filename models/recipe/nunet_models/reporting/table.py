@@ -35,7 +35,9 @@ def read_evaluation(path: Path) -> dict[str, Any]:
         values = by_name(json.loads(path.read_text(encoding="utf-8")))
         if values.get("model") is None:
             raise KeyError("model")
-        values["minmax"], values["metrics"], values["pictures"]
+        for group, kind in (("minmax", dict), ("metrics", dict | None), ("pictures", int)):
+            if not isinstance(values[group], kind):
+                raise TypeError(f"`{group}` is `{values[group]}`")
     except (ValueError, AttributeError, KeyError, TypeError) as error:
         raise DataError(
             f"`{path}` is not a result of `evaluate`: {error}",

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from nunet_models.errors import DataError
+from nunet_models.files import read_text
 
 COLUMNS = ("id", "fx", "fy", "cx", "cy", "width", "height", "sensor", "scene")
 _REQUIRED = COLUMNS[:7]
@@ -66,10 +67,7 @@ def read_intrinsics(path: Path, *, growing: bool = False) -> dict[str, Row]:
         raise DataError(
             f"cannot read `{path}`: no such file", hint="set `intrinsics` for one camera"
         )
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise DataError(f"`{path}` is not a table in UTF-8: {error}") from error
+    text = read_text(path, "a table")
     if growing and not text.endswith("\n"):
         text = text[: text.rfind("\n") + 1]
     reader = csv.DictReader(text.splitlines())
