@@ -451,6 +451,35 @@ def test_the_focal_length_scales_meters_and_nothing_else(dataset, stretching, ca
     assert metrics(stretching, *fx) == metrics(stretching)
 
 
+@pytest.mark.parametrize(
+    ("change", "more", "words"),
+    [
+        ({"nunet.camera": None}, ("--fx", "500"), "has no `nunet.camera` in its metadata"),
+        ({"nunet.camera": '{"fx": 0}'}, ("--fx", "500"), "expected width, height, fx and fy"),
+        ({"nunet.depth.max_m": None}, (), "has no `nunet.depth.max_m` in its metadata"),
+        ({"nunet.depth.max_m": "far"}, (), "could not convert string to float: 'far'"),
+        ({"nunet.depth.encoding": "inverse"}, (), "`inverse`; expected metric or minmax"),
+    ],
+)
+def test_missing_and_wrong_metadata_is_named(dataset, tmp_path, capsys, change, more, words):
+    path = tmp_path / "model.onnx"
+    shutil.copy(TINY, path)
+    values = {**read_metadata(path), **change}
+    write_metadata(path, {key: value for key, value in values.items() if value is not None})
+    assert evaluate(dataset, *more, model=path) == 1
+    printed = capsys.readouterr()
+    assert f"`{path}`" in printed.err and words in printed.err and not printed.out
+
+
+def test_the_camera_is_needed_for_a_focal_length_only(dataset, tmp_path):
+    path = tmp_path / "model.onnx"
+    shutil.copy(TINY, path)
+    values = read_metadata(path)
+    del values["nunet.camera"]
+    write_metadata(path, values)
+    assert evaluate(dataset, model=path) == 0
+
+
 def test_a_clip_of_a_network_without_meters_is_refused(dataset, stretching, capsys):
     assert evaluate(dataset, "--clip", model=stretching) == 1
     stderr = capsys.readouterr().err

@@ -100,6 +100,8 @@ def run(options: argparse.Namespace) -> int:
         return run_sets(options)
     _check_options(options)
     predictor = Predictor(options.model, threads=options.threads)
+    if options.fx is not None and predictor.metric:
+        predictor.focal_scale(options.fx, 1)  # fails now if the model states no camera
     pairs = open_pairs(options, options.ids)
     if options.clip:
         _check_clip(options, predictor, pairs)
@@ -116,7 +118,7 @@ def run(options: argparse.Namespace) -> int:
     _warn_out_of_range(comparison)
     found = {
         "model": options.model.name,
-        "architecture": predictor.metadata["nunet.architecture"],
+        "architecture": predictor.architecture,
         "epoch": predictor.best_epoch,
         "protocol": options.protocol,
         **comparison.values(),

@@ -1,6 +1,7 @@
 """Runs a model file on images of any size."""
 
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,10 @@ from nunet_models.errors import ConfigError
 from nunet_models.evaluation.compare import Predict, Prediction
 from nunet_models.export.measure import decoded
 from nunet_models.export.onnx_file import read_metadata, session
+from nunet_models.zoo.spec import Camera
+
+ENCODINGS = ("metric", "minmax")
+"""Encodings of depth that can be compared here."""
 
 
 class Predictor:
@@ -19,7 +24,8 @@ class Predictor:
     the frames of one video.
 
     # Errors
-    `ConfigError` naming a file that is not a model, damaged, or one stage of a graph.
+    `ConfigError` naming a file that is not a model, damaged, one stage of a graph, or without the
+    metadata that a model file must have.
     """
 
     def __init__(self, path: Path, *, threads: int = 1) -> None:
@@ -36,9 +42,14 @@ class Predictor:
         self.size: tuple[int, int] = tuple(inputs.pop("rgb")[1:3])
         self.state = {name: np.zeros(shape, np.float32) for name, shape in inputs.items()}
         self.state_inputs = {tensor["output"]: tensor["input"] for tensor in state}
-        self.encoding = self.metadata["nunet.depth.encoding"]
-        self.min_m = float(self.metadata["nunet.depth.min_m"])
-        self.max_m = float(self.metadata["nunet.depth.max_m"])
+        self.architecture = self._stated("nunet.architecture")
+        self.encoding = self._stated("nunet.depth.encoding")
+        if self.encoding not in ENCODINGS:
+            raise ConfigError(
+                f"`{path}` outputs depth as `{self.encoding}`; expected {' or '.join(ENCODINGS)}",
+                hint="`nunetd eval` measures every encoding",
+            )
+        self.min_m, self.max_m = self._range_m()
 
     def _require_whole(self, inputs: list[str], tensors: list[dict[str, str]]) -> None:
         """Refuse a single stage of a graph: expected an image as input and depth as output."""
@@ -49,6 +60,22 @@ class Predictor:
                 f"expected {_listed(['rgb', *state])} and `depth`",
                 hint="a stage of a graph is measured in the fused `.onnx` that computes the same",
             )
+
+    def _stated(self, key: str) -> str:
+        """A value of the metadata, which must be there."""
+        if key not in self.metadata:
+            raise ConfigError(f"`{self.path}` has no `{key}` in its metadata")
+        return self.metadata[key]
+
+    def _range_m(self) -> tuple[float, float]:
+        """Depth outside is no measurement, meters; NaN for depth that is stretched."""
+        if not self.metric:
+            return math.nan, math.nan
+        low, high = (self._stated(f"nunet.depth.{name}") for name in ("min_m", "max_m"))
+        try:
+            return float(low), float(high)
+        except ValueError as error:
+            raise ConfigError(f"the depth range of `{self.path}`: {error}") from error
 
     @property
     def metric(self) -> bool:
@@ -68,13 +95,34 @@ class Predictor:
         last = components[-1]["name"] if components else "depth"
         return training.get(last, {}).get("epochs_done")
 
+    @property
+    def camera(self) -> Camera:
+        """The camera that the training images were taken with.
+
+        # Errors
+        `ConfigError` naming a file that does not state it: a model file need not.
+        """
+        text = self._stated("nunet.camera")
+        try:
+            values = json.loads(text)
+            camera = Camera(*(values[name] for name in ("width", "height", "fx", "fy")))
+            known = min(camera.width, camera.height, camera.fx, camera.fy) > 0
+        except (KeyError, TypeError, ValueError):
+            known = False
+        if not known:
+            raise ConfigError(
+                f"`nunet.camera` in the metadata of `{self.path}` is `{text}`; expected width, "
+                "height, fx and fy, each more than 0"
+            )
+        return camera
+
     def focal_scale(self, fx_px: float, width_px: int) -> float:
         """Factor of depth for a camera of `fx_px` at `width_px`, against the training camera.
 
-        Depth from one image grows with the focal length in pixels, both at one size.
+        Depth from one image grows with the focal length in pixels, both at one size. Errors as of
+        `camera`.
         """
-        camera = json.loads(self.metadata["nunet.camera"])
-        return (fx_px / width_px) / (camera["fx"] / camera["width"])
+        return (fx_px / width_px) / (self.camera.fx / self.camera.width)
 
     def inputs(self, rgb: np.ndarray) -> dict[str, np.ndarray]:
         """The session's inputs for an image without predecessor, uint8 `[H, W, 3]`, any size."""

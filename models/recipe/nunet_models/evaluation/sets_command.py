@@ -56,8 +56,8 @@ def run_sets(options: argparse.Namespace) -> int:
     predictor = Predictor(options.model, threads=options.threads)
     if not predictor.metric:
         raise ConfigError(f"`--sets` compares meters; `{options.model}` gives stretched depth")
+    camera = predictor.camera
     train, val = open_dataset_list(options.sets)
-    camera = Camera(**json.loads(predictor.metadata["nunet.camera"]))
     constant = median_depth(train, camera)
     found = {}
     for images in val.sets:
