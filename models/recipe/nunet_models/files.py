@@ -1,8 +1,9 @@
-"""Reading text files of users."""
+"""Text files of users, and checks of output files before the work."""
 
+import os
 from pathlib import Path
 
-from nunet_models.errors import DataError
+from nunet_models.errors import ConfigError, DataError
 
 
 def read_text(path: Path, what: str) -> str:
@@ -15,3 +16,41 @@ def read_text(path: Path, what: str) -> str:
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise DataError(f"`{path}` is not {what} in UTF-8: {error}") from error
+
+
+def check_output_file(option: str, path: Path | None, *, makes_folders: bool = False) -> None:
+    """Refuse a file that cannot be written, so that no work is lost; None is not checked.
+
+    With `makes_folders`, the command makes the folders above the file.
+
+    # Errors
+    `ConfigError` naming `option` and the path.
+    """
+    if path is None:
+        return
+    if path.is_dir():
+        raise ConfigError(f"`{option} {path}` is a folder; expected the name of a file")
+    if makes_folders or path.exists():
+        _check_writable(option, path)
+    elif path.parent.is_dir():
+        _check_writable(option, path.parent)
+    else:
+        raise ConfigError(
+            f"`{option} {path}`: `{path.parent}` is not a folder", hint=f"mkdir -p {path.parent}"
+        )
+
+
+def check_output_folder(option: str, path: Path) -> None:
+    """The same for a folder, which the command makes if it is missing."""
+    if path.exists() and not path.is_dir():
+        raise ConfigError(f"`{option} {path}` is a file; expected a folder")
+    _check_writable(option, path)
+
+
+def _check_writable(option: str, path: Path) -> None:
+    """Refuse `path` if it, or else the nearest folder above it, cannot be written."""
+    there = next(place for place in (path, *path.absolute().parents) if place.exists())
+    if there != path and not there.is_dir():
+        raise ConfigError(f"`{option} {path}`: `{there}` is not a folder")
+    if not os.access(there, os.W_OK):
+        raise ConfigError(f"`{option} {path}`: `{there}` cannot be written: permission denied")

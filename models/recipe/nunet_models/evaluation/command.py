@@ -33,6 +33,7 @@ from nunet_models.evaluation.compare import (
 from nunet_models.evaluation.predict import Predictor
 from nunet_models.evaluation.protocol import MIN_DEPTH_M, PROTOCOLS
 from nunet_models.evaluation.sets_command import run_sets
+from nunet_models.files import check_output_file
 
 MUCH_BEYOND = 0.05  # of the truth; rooms of NYU Depth V2 and 7-Scenes have next to none there
 
@@ -165,6 +166,8 @@ def _check_options(options: argparse.Namespace) -> None:
             "which is missing",
             hint="`--baseline-ids FILE` names training images",
         )
+    check_output_file("--csv", options.csv)
+    check_output_file("--save-baseline", options.save_baseline)
 
 
 def _warn_no_labels(options: argparse.Namespace, predictor: Predictor, pairs: Pairs) -> None:

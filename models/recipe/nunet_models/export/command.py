@@ -13,6 +13,7 @@ from nunet_models.export.metadata import DATA_LICENSE
 from nunet_models.export.model_file import Provenance, export_fused, export_staged
 from nunet_models.export.split import split
 from nunet_models.export.untrained import untrained_graph
+from nunet_models.files import check_output_file
 from nunet_models.results import by_name
 from nunet_models.zoo import NYU_CAMERA, SerialGraph, architecture_names, graph_spec
 from nunet_models.zoo.checkpoint import Checkpoint
@@ -91,6 +92,7 @@ def _add_source_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Carry out `export`; prints the files written."""
+    check_output_file("--out", options.out, makes_folders=True)
     if options.tiny:
         written = export_tiny(options.tiny)
     elif options.paper:

@@ -9,6 +9,7 @@ import numpy as np
 from nunet_models.data.options import add_data_options, open_pairs
 from nunet_models.data.pairs import Pairs
 from nunet_models.errors import ConfigError, OptionError
+from nunet_models.files import check_output_file
 from nunet_models.quantization.static import METHODS, Plan, quantize
 from nunet_models.training.provenance import list_of_ids
 
@@ -53,6 +54,7 @@ def run(options: argparse.Namespace) -> int:
         raise ConfigError(
             f"`--out {out}` would overwrite the file of `--model`", hint="use another name"
         )
+    check_output_file("--out", out)
     pairs = open_pairs(options, options.ids)
     plan = Plan(
         options.method,

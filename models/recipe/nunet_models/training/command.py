@@ -19,6 +19,7 @@ from nunet_models.data.options import (
 from nunet_models.data.pairs import read_ids
 from nunet_models.data.sets.mixture import open_dataset_list
 from nunet_models.errors import ConfigError, OptionError, with_hint
+from nunet_models.files import check_output_folder
 from nunet_models.training.feed import FolderFeed, SetsFeed
 from nunet_models.training.graph import add_graph_options, build_graph, require_shape
 from nunet_models.training.provenance import run_provenance
@@ -109,6 +110,7 @@ def run(options: argparse.Namespace) -> int:
         raise OptionError(
             f"`--minutes {options.minutes}`; expected more than 0", hint="no limit without it"
         )
+    check_output_folder("--run", options.folder)
     last = options.folder / Trainer.LAST
     if last.exists() and not options.resume:
         raise ConfigError(f"`{last}` exists", hint="`--resume`, or another `--run`")
