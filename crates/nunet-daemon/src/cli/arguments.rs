@@ -95,7 +95,7 @@ pub struct ContractArgs {
 /// `nunetd bench`
 #[derive(Debug, Args, Clone)]
 pub struct BenchArgs {
-    /// A model to measure; several are measured interleaved
+    /// A model to measure; repeat for several, which are measured interleaved
     #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL)]
     pub model: Vec<PathBuf>,
     /// The image to predict from [default: the first of the demo scene]

@@ -61,12 +61,12 @@ pub struct CalibrateArgs {
     /// With --truth, the images to use: a file with one id per line [default: all]
     #[arg(long, value_name = "FILE", requires = "truth")]
     pub ids: Option<PathBuf>,
-    /// With --truth, ignore true depth of this value or more [default: 10]
+    /// With --truth, ignore true depth of this value or more, meters [default: 10]
     #[arg(long, value_name = "METERS", value_parser = parse_meters)]
     pub depth_cap: Option<f64>,
     #[command(flatten)]
     pub units: DepthUnitArgs,
-    /// With --truth, the part of the images that has true depth
+    /// With --truth, the part of the images that has true depth, pixels; BOTTOM and RIGHT are the first ones outside
     #[arg(long, value_name = "TOP,LEFT,BOTTOM,RIGHT", requires = "truth")]
     pub window: Option<Window>,
     /// An .onnx file, a staged graph (.toml), or the name of a bundled model

@@ -41,12 +41,13 @@ pub struct EvalArgs {
     /// The pixels to compare: whole images, or the crop of Eigen et al. for NYU Depth V2
     #[arg(long, value_enum, default_value_t = ProtocolArg::Full)]
     pub protocol: ProtocolArg,
-    /// Ignore true depth of this value or more, and limit predictions to it: 10 for NYU Depth V2, 80 for KITTI
+    /// Ignore true depth of this value or more, meters, and limit predictions to it: 10 for NYU Depth V2, 80 for KITTI
     #[arg(long, value_name = "METERS", default_value = "10", value_parser = parse_meters)]
     pub depth_cap: f64,
     #[command(flatten)]
     pub units: DepthUnitArgs,
-    /// The part of the images that has true depth, for data with a border around each image
+    /// The part of the images that has true depth, pixels, for data with a border around each image; BOTTOM and RIGHT
+    /// are the first ones outside
     #[arg(long, value_name = "TOP,LEFT,BOTTOM,RIGHT")]
     pub window: Option<Window>,
     /// Treat the images as consecutive frames of one video: recurrent models and the temporal filter keep their state

@@ -52,16 +52,16 @@ pub struct LensArgs {
     #[command(flatten)]
     #[serde(flatten)]
     pub geometry: GeometryArgs,
-    /// The factor by which the network's meters are multiplied: `auto` (that of the calibration file, otherwise the ratio
-    /// of the focal lengths of this camera and the training camera, if known), `off` (1), a number, or `floor` (measured
-    /// on the floor; needs --mount)
+    /// The factor by which the network's meters are multiplied: `auto` (that of the calibration file, otherwise the
+    /// ratio of the focal lengths of this camera and the training camera, if known), `off` (1), a number from 0.05 to
+    /// 20, or `floor` (measured on the floor; needs --mount)
     #[arg(long, value_name = "auto|off|NUMBER|floor", default_value = "auto")]
     pub scale: Text<ScaleArg>,
     /// Images whose aspect ratio differs from the network's by more than 5 %: use the largest centered part of its aspect
     /// ratio (`crop`), stretch them (`stretch`), or pad them (`letterbox`)
     #[arg(long, value_name = "crop|stretch|letterbox", default_value = "crop")]
     pub aspect: Text<AspectMode>,
-    /// The old name of --scale auto and --scale off
+    /// The same as --scale auto or --scale off
     #[arg(long, value_enum, conflicts_with = "scale")]
     pub focal: Option<FocalArg>,
 }
@@ -156,8 +156,8 @@ pub struct CameraArgs {
     /// Take every N-th row and column of depth for the cloud
     #[arg(long, value_name = "N", default_value = "1")]
     pub cloud_stride: Text<NonZeroU32>,
-    /// Drop cloud points farther than M meters from the camera, and ignore obstacles farther than M meters from the base
-    /// [default: the model's maximum depth for the cloud, 5 for obstacles]
+    /// Drop cloud points farther than M meters from the camera, and ignore obstacles farther than M meters from the
+    /// base (for obstacles, 0.5 to 50) [default: the model's maximum depth for the cloud, 5 for obstacles]
     #[arg(long, value_name = "M")]
     pub max_range: Option<Text<Distance>>,
 }

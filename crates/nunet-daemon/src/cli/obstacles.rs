@@ -16,19 +16,21 @@ use crate::exit::BadArguments;
 #[derive(Debug, Args, Clone, Default, PartialEq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct ObstacleArgs {
-    /// The height above ground that the robot can drive over, meters; needs --mount [default: 0.05]
+    /// The height above ground that the robot can drive over, 0.005 to 0.5 meters; needs --mount [default: 0.05]
     #[arg(long, value_name = "M")]
     pub clearance: Option<Text<Distance>>,
-    /// The height above ground that the robot can drive under, meters; needs --mount [default: 1.8]
+    /// The height above ground that the robot can drive under, 0.05 to 10 meters and more than --clearance; needs
+    /// --mount [default: 1.8]
     #[arg(long, value_name = "M")]
     pub robot_height: Option<Text<Distance>>,
-    /// The number of directions over the field of view, 1 to 360; needs --mount [default: 72]
+    /// The number of directions in which obstacles are reported, over the field of view, 1 to 360; needs --mount
+    /// [default: 72]
     #[arg(long, value_name = "N")]
     pub sectors: Option<Text<Count>>,
     /// The largest number of obstacle points, 1 to 5000; needs --mount [default: 5000]
     #[arg(long, value_name = "N")]
     pub obstacle_points: Option<Text<Count>>,
-    /// Remember an obstacle that leaves the image at the bottom for S seconds; needs --mount [default: 0]
+    /// Remember an obstacle that leaves the image at the bottom for S seconds, 0 to 10; needs --mount [default: 0]
     #[arg(long, value_name = "S")]
     pub hold: Option<Text<Seconds>>,
 }

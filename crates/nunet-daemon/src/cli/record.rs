@@ -41,7 +41,8 @@ impl RecordArgs {
 /// The pose of the camera on the robot.
 #[derive(Debug, Args, Clone, Deserialize)]
 pub struct MountArgs {
-    /// The pose of the camera in `base_link` (x forward, y left, z up), meters and radians; recorded in `/tf_static`
+    /// The pose of the camera in `base_link` (x forward, y left, z up), meters and radians; recorded in `/tf_static`.
+    /// Obstacles and --scale floor need it: z is the height above the floor then
     #[arg(long, value_name = "x,y,z,roll,pitch,yaw", allow_hyphen_values = true)]
     pub mount: Option<Text<MountOption>>,
 }
@@ -69,7 +70,7 @@ pub struct ReplayArgs {
     pub frame_id: Option<Text<FrameId>>,
     #[command(flatten)]
     pub mount: MountArgs,
-    /// The results to record
+    /// The results to record, separated by commas
     #[arg(long, value_enum, value_delimiter = ',', default_values_t = Publish::DEFAULT)]
     pub publish: Vec<Publish>,
     /// Overwrite an existing recording

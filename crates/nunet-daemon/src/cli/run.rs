@@ -39,7 +39,7 @@ pub struct RunArgs {
     #[command(flatten)]
     #[serde(flatten)]
     pub stream: StreamArgs,
-    /// Run a stage only on every N-th frame and reuse its result in between
+    /// Run a stage only on every N-th frame and reuse its result in between; repeat for several stages
     #[arg(long, value_name = "STAGE=N")]
     #[serde(default)]
     pub every: Vec<Text<StageEvery>>,
@@ -101,8 +101,8 @@ pub struct ViewArgs {
     /// Show image, depth, labels and cloud live in the browser at http://ADDRESS:PORT/, and serve the metrics there too
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub view: Option<Text<SocketAddr>>,
-    /// The secret that viewers must present; required if other machines can reach the address of --view. The environment
-    /// variable keeps it out of the list of processes
+    /// The secret that viewers must present; required if other machines can reach the address of --view. The
+    /// environment variable NUNET_VIEW_TOKEN keeps it out of the list of processes
     #[arg(long, value_name = "TOKEN", env = TOKEN_VARIABLE, hide_env_values = true)]
     pub view_token: Option<UncheckedToken>,
 }
@@ -203,12 +203,12 @@ pub struct StreamArgs {
     /// camera + `_optical_frame`]
     #[arg(long, value_name = "NAME")]
     pub frame_id: Option<Text<FrameId>>,
-    /// The topics that can be read; all but depth are computed only while something reads them. With --mount, obstacles can
-    /// always be read
+    /// The topics that can be read, separated by commas; all but depth are computed only while something reads them.
+    /// With --mount, obstacles can always be read
     #[arg(long, value_enum, value_delimiter = ',', default_values_t = Publish::DEFAULT)]
     pub publish: Vec<Publish>,
-    /// The number of processes that may read at a time; half as many may read the cloud. Memory is reserved for all
-    /// [default: 4]
+    /// The number of processes that may read at a time, 1 to 62; half as many may read the cloud. Memory is reserved
+    /// for all [default: 4]
     #[arg(long, value_name = "N")]
     pub readers: Option<Text<Readers>>,
     #[command(flatten)]
@@ -222,14 +222,14 @@ pub struct StreamArgs {
     /// --mount
     #[arg(long, value_name = "shm")]
     pub attitude: Option<Text<AttitudeSource>>,
-    /// Warn if depth drifts or flickers by more than this per frame while the image does not change: percent, or `off`
-    /// [default: 5]
+    /// Warn if depth drifts or flickers by more than this per frame while the image does not change: percent up to 100,
+    /// or `off` [default: 5]
     #[arg(long, value_name = "PERCENT|off")]
     pub stability_limit: Option<Text<StabilityLimit>>,
     #[command(flatten)]
     #[serde(flatten)]
     pub recording: RecordArgs,
-    /// Write depth, labels and cloud of the last frame into this folder
+    /// Write depth, labels, confidence, cloud and obstacles of the last frame into this folder
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 }
@@ -287,21 +287,22 @@ fn source_name(source: Option<&str>) -> SourceName {
 /// Where frames come from.
 #[derive(Debug, Args, Clone, Deserialize)]
 pub struct SourceArgs {
-    /// `max` processes every frame as fast as possible; a number of frames per second drops old frames like a camera. For a
-    /// camera, the requested rate [default: max; 30 for a camera]
+    /// `max` takes every frame as fast as possible; a number of frames per second drops old frames like a camera. For a
+    /// V4L2 camera, the requested rate [default: max; 30 for a V4L2 camera]
     #[arg(long, value_name = "max|HZ")]
     pub rate: Option<Text<Rate>>,
-    /// Restart at the end
+    /// Start again at the end of the images, the recording or the demo
     #[arg(long = "loop")]
     #[serde(rename = "loop")]
     pub repeat: bool,
     /// The image topic of the recording, if it has several
     #[arg(long, value_name = "TOPIC")]
     pub topic: Option<String>,
-    /// The size of raw images on stdin; for a camera, the requested size [default: 640x480 for a camera]
+    /// The size of raw images from stdin or exec:COMMAND, pixels; for a V4L2 camera, the requested size [default:
+    /// 640x480 for a V4L2 camera]
     #[arg(long, value_name = "WxH")]
     pub size: Option<Text<ImageSize>>,
-    /// The format of raw images on stdin: rgb8, bgr8, mono8, yuyv or nv12
+    /// The format of raw images from stdin or exec:COMMAND: rgb8, bgr8, mono8, yuyv or nv12; needs --size
     #[arg(long, value_name = "FORMAT")]
     pub format: Option<Text<PixelFormat>>,
     /// The exposure time of a V4L2 camera, microseconds, or `auto` [default: as the camera is set]

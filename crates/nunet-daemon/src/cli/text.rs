@@ -156,7 +156,9 @@ pub struct Distance(pub f32);
 impl FromText for Distance {
     fn from_text(text: &str) -> Result<Self, BadArguments> {
         let range = text.parse().ok().filter(|range: &f32| range.is_finite() && *range > 0.0);
-        range.map(Self).ok_or_else(|| BadArguments::new("expected a number of meters greater than 0"))
+        range.map(Self).ok_or_else(|| {
+            BadArguments::new(format!("expected a number of meters greater than 0, got `{text}`"))
+        })
     }
 }
 
