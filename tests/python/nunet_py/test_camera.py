@@ -118,6 +118,7 @@ def test_points_lie_on_undistorted_rays_and_pixels_without_a_ray_have_no_point(t
     seen_y = y * rings + p1 * (r2 + 2 * y**2) + 2 * p2 * x * y
     rows, columns = np.indices((height, width))
     valid = np.isfinite(z)
+    assert valid.any()
     np.testing.assert_allclose((seen_x * 110 + 60)[valid], columns[valid], atol=1e-2)
     np.testing.assert_allclose((seen_y * 112 + 50)[valid], rows[valid], atol=1e-2)
 

@@ -50,7 +50,7 @@ def test_a_cloud_is_saved_with_its_colors_and_labels(result, tmp_path):
     valid = np.isfinite(cloud.points[..., 2])
     assert points["xyz"].tobytes() == cloud.points[valid].tobytes()
     assert (points["rgb"] == cloud.colors[valid]).all() and (points["label"] == cloud.labels[valid]).all()
-    assert cloud.units == "metre" and "metre" in header.replace("meter", "metre")
+    assert cloud.units == "metre" and "z forward, meters\n" in header
 
 
 def test_results_that_cannot_be_saved_are_an_error_with_the_reason(result, tmp_path):
