@@ -99,8 +99,7 @@ def first_block(document, language):
 
 def test_the_code_in_the_documents_compiles(build, tmp_path):
     c, cpp = tmp_path / "document.c", tmp_path / "document.cpp"
-    lines = first_block("docs/book/shared-memory.md", "c")
-    c.write_text(f'#include <stdio.h>\n#include "nunet.h"\nint main(void) {{\n{lines}\nreturn 0;\n}}\n')
+    c.write_text(first_block("docs/book/shared-memory.md", "c"))
     cpp.write_text(first_block("README.md", "cpp"))
     for source in (c, cpp):
         assert "nunet" in source.read_text()

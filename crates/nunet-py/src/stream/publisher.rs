@@ -62,9 +62,9 @@ pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 ///
 /// Examples
 /// --------
-/// >>> import nunet_py as nunet
+/// >>> import numpy as np, nunet_py as nunet
 /// >>> with nunet.publisher("front", size=(640, 480)) as camera:
-/// ...     camera.publish(rgb)              # uint8 (480, 640, 3): copied once, into shared memory
+/// ...     camera.publish(np.zeros((480, 640, 3), np.uint8))  # copied once, into shared memory
 /// ...     with camera.loan() as image:     # or written there: no copy
 /// ...         image[:] = 0
 #[pyfunction]
