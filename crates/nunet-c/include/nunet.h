@@ -714,7 +714,8 @@ typedef struct nunet_reader_t nunet_reader_t;
  */
 typedef struct {
   /**
-   * The frame of each topic, indexed by `nunet_topic_t`; NULL where there is none. No set has `attitude`.
+   * The frame of each topic, indexed by `nunet_topic_t`; NULL where there is none. No set has `stats` or
+   * `attitude`.
    */
   nunet_frame_t *frames[8];
 } nunet_set_t;
@@ -798,10 +799,10 @@ nunet_status_t nunet_reader_next(const nunet_reader_t *reader,
                                  nunet_frame_t **frame);
 
 /**
- * The newest frames of all the reader's topics (but `stats`) that belong together: all with one `sequence` and one
- * `capture_nanos`. Waits for them as `nunet_reader_next()` does.
+ * The newest frames of all the reader's topics that belong together: all with one `sequence` and one `capture_nanos`.
+ * Waits for them as `nunet_reader_next()` does, which alone returns `stats` and `attitude`.
  *
- * `set->frames[NUNET_TOPIC_...]`: a frame for each topic that was opened, NULL for the others, all NULL after a
+ * `set->frames[NUNET_TOPIC_...]`: a frame for each such topic that was opened, NULL for the others, all NULL after a
  * failure. They are the caller's: release each with `nunet_frame_release()`, or all with `nunet_set_release()`.
  *
  * Fails as `nunet_reader_next()` does.

@@ -223,7 +223,7 @@ public:
     if (!detail::arrived(nunet_reader_next(handle_.get(), topic, detail::milliseconds(timeout), &frame))) return {};
     return Frame(frame);
   }
-  /** The newest frames of all topics that belong together; empty after the timeout or a signal. */
+  /** The newest frames of all topics (but stats, attitude) that belong together; empty after the timeout or a signal. */
   std::optional<FrameSet> next_set(std::chrono::milliseconds timeout) {
     nunet_set_t set;
     if (!detail::arrived(nunet_reader_next_set(handle_.get(), detail::milliseconds(timeout), &set))) return {};

@@ -22,7 +22,8 @@ pub struct FrameHandle;
 #[derive(Debug)]
 #[repr(C)]
 pub struct Set {
-    /// The frame of each topic, indexed by `nunet_topic_t`; NULL where there is none. No set has `attitude`.
+    /// The frame of each topic, indexed by `nunet_topic_t`; NULL where there is none. No set has `stats` or
+    /// `attitude`.
     pub frames: [*mut FrameHandle; 8],
 }
 

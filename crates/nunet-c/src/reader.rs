@@ -104,10 +104,10 @@ pub extern "C" fn nunet_reader_next(
     })
 }
 
-/// The newest frames of all the reader's topics (but `stats`) that belong together: all with one `sequence` and one
-/// `capture_nanos`. Waits for them as `nunet_reader_next()` does.
+/// The newest frames of all the reader's topics that belong together: all with one `sequence` and one `capture_nanos`.
+/// Waits for them as `nunet_reader_next()` does, which alone returns `stats` and `attitude`.
 ///
-/// `set->frames[NUNET_TOPIC_...]`: a frame for each topic that was opened, NULL for the others, all NULL after a
+/// `set->frames[NUNET_TOPIC_...]`: a frame for each such topic that was opened, NULL for the others, all NULL after a
 /// failure. They are the caller's: release each with `nunet_frame_release()`, or all with `nunet_set_release()`.
 ///
 /// Fails as `nunet_reader_next()` does.
