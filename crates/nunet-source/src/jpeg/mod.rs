@@ -27,6 +27,9 @@ pub(crate) const START: [u8; 3] = [MARKER, START_OF_IMAGE, MARKER];
 pub(crate) const END: [u8; 2] = [MARKER, END_OF_IMAGE];
 /// Larger images are refused by the decoder's limits.
 const MAX_PIXELS: u64 = 256 << 20;
+/// The most scans; the decoder has the same limit. Encoders write about 10. A scan of a progressive image can
+/// pass over all blocks with hardly any data, so the size of the file does not limit the time.
+const MAX_SCANS: usize = 100;
 
 /// Why a JPEG is incomplete or damaged.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -47,6 +50,8 @@ pub(crate) enum JpegError {
     Header { what: &'static str },
     #[error("the JPEG lost data: scans are missing for component {component}")]
     ScansMissing { component: usize },
+    #[error("the JPEG has more than {MAX_SCANS} scans")]
+    TooManyScans,
 }
 
 /// The headers and tables that were read so far.
@@ -56,6 +61,7 @@ struct DecoderState {
     dc: [Option<HuffmanTable>; 4],
     ac: [Option<HuffmanTable>; 4],
     restart_interval: u32,
+    scans: usize,
 }
 
 /// Checks a JPEG and returns its length. Other data may follow it, such as a phone's video. An image that has
@@ -127,10 +133,14 @@ impl DecoderState {
 
     /// Reads a scan and returns its length in bytes.
     fn check_scan(&mut self, header: &[u8], data: &[u8]) -> Result<usize, JpegError> {
-        let Self { frame, dc, ac, restart_interval } = self;
+        let Self { frame, dc, ac, restart_interval, scans } = self;
         let frame = frame.as_mut().ok_or(JpegError::Header { what: "it has a scan before its frame" })?;
         if frame.pixels() > MAX_PIXELS {
             return Ok(0);
+        }
+        *scans += 1;
+        if *scans > MAX_SCANS {
+            return Err(JpegError::TooManyScans);
         }
         let scan = ScanHeader::parse(header, frame, dc, ac)?;
         let length = scan.walk(frame, *restart_interval, data)?;

@@ -163,6 +163,19 @@ fn a_whole_image_needs_no_end_marker() {
 }
 
 #[test]
+fn scans_are_limited() {
+    let file = nunet_testkit::cases::read("jpeg_kinds/progressive_gray.jpg");
+    let data = first_scan(&file);
+    let start = file[..data].windows(2).rposition(|bytes| bytes == [MARKER, START_OF_SCAN]).unwrap();
+    let end = next_marker(&file, data).unwrap().1 - 2;
+    // The first scan gives the mean of each block, and can be repeated. Fewer than ten scans follow it.
+    let repeated = |times| [&file[..start], &file[start..end].repeat(times), &file[end..]].concat();
+    let many = repeated(MAX_SCANS - 10);
+    assert_eq!(check(&many), Ok(many.len()));
+    assert_eq!(check(&repeated(MAX_SCANS + 1)), Err(JpegError::TooManyScans));
+}
+
+#[test]
 fn no_damage_panics() {
     for (_, file) in files() {
         for offset in 2..file.len().min(700) {
