@@ -20,6 +20,8 @@ const MAGIC_BYTES: u64 = 8;
 const FOOTER_BYTES: u64 = 9 + 8 + 8 + 4;
 /// The largest open chunk. Writers complete a chunk after a few megabytes.
 const MAX_OPEN_BYTES: u64 = 1 << 32;
+/// The longest name of an open chunk's compression. MCAP knows `zstd` and `lz4`.
+const MAX_COMPRESSION_NAME_BYTES: u32 = 64;
 
 /// Reads a file from its beginning, or its summary.
 pub(crate) struct Records {
@@ -224,6 +226,10 @@ impl Records {
     /// Completes the header of a chunk whose writer was stopped before it wrote the chunk's sizes.
     /// Such a chunk extends to the end of the file. Returns its length in bytes.
     fn close_chunk(&mut self, start: &mut Vec<u8>, name: u32) -> Result<u64, RecordingError> {
+        if name > MAX_COMPRESSION_NAME_BYTES {
+            let reason = format!("the name of a chunk's compression has {name} bytes");
+            return Err(damaged(&self.path, &reason));
+        }
         let mut rest = vec![0; name as usize + 8];
         self.read_exact(&mut rest)?;
         let left = self.bytes_left()?;

@@ -388,6 +388,24 @@ fn a_length_beyond_the_file_is_refused_without_memory_for_it() {
 }
 
 #[test]
+fn a_long_name_of_the_compression_of_an_open_chunk_is_refused_without_memory_for_it() {
+    const NAME_BYTES: u32 = 64 << 20;
+    let folder = Folder::new();
+    let mut start = mcap::MAGIC.to_vec();
+    start.push(0x06); // a chunk
+    start.extend([0xff; 8 + 8 + 8 + 8 + 4]); // its lengths, times and checksum are not known yet
+    start.extend(NAME_BYTES.to_le_bytes());
+    let path = folder.file(&start);
+    let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
+    file.set_len(2 * u64::from(NAME_BYTES)).unwrap();
+    let largest = largest_allocation_during(|| {
+        let error = Recording::open(&path, None).map(drop).unwrap_err();
+        assert!(matches!(error, RecordingError::NothingLeft { .. }), "{error}");
+    });
+    assert!(largest < 1 << 20, "{largest} bytes");
+}
+
+#[test]
 fn a_bad_image_is_an_error_with_its_number_and_the_next_is_read() {
     let folder = Folder::new();
     let mut messages = images();
