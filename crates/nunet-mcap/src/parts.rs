@@ -113,7 +113,8 @@ pub(crate) fn gaps(files: &[PathBuf]) -> Vec<RecordingError> {
         files.iter().filter_map(|file| Some((numbered(&stem(file)).1?, file))).collect();
     numbers.sort();
     let gap = |pair: &[(u64, &PathBuf)]| {
-        let (first, count) = (pair[0].0 + 1, pair[1].0.saturating_sub(pair[0].0 + 1));
+        let first = pair[0].0.saturating_add(1);
+        let count = pair[1].0.saturating_sub(first);
         (count > 0).then(|| RecordingError::MissingParts { path: pair[1].1.clone(), first, count })
     };
     numbers.windows(2).filter_map(gap).collect()
@@ -226,6 +227,13 @@ mod tests {
             "rosbag2_bagfile_information: {storage_identifier: mcap, relative_file_paths: [a.mcap.zstd]}";
         let error = parts(folder(&[], Some(packed)).path()).unwrap_err().to_string();
         assert!(error.ends_with("lists `a.mcap.zstd`, expected `.mcap` files"), "{error}");
+    }
+
+    #[test]
+    fn the_largest_number_of_a_part_has_no_gap_after_it() {
+        let bag = folder(&[&format!("d_{}.mcap", u64::MAX), &format!("d_0{}.mcap", u64::MAX)], None);
+        let found = parts(bag.path()).unwrap();
+        assert_eq!((found.len(), gaps(&found).len()), (2, 0));
     }
 
     #[test]
