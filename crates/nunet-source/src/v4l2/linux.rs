@@ -281,7 +281,8 @@ impl Device for LinuxDevice {
         };
         let mapped = self.buffers.get_mut(state.index as usize).ok_or(Errno::IO)?;
         let used = mapped.take(&planes[..self.plane_count], &self.layouts);
-        let nanos = state.seconds.saturating_mul(1_000_000_000).saturating_add(state.microseconds * 1000);
+        let fraction = state.microseconds.saturating_mul(1000);
+        let nanos = state.seconds.saturating_mul(1_000_000_000).saturating_add(fraction);
         let monotonic = state.flags & abi::CLOCK_MASK == abi::CLOCK_MONOTONIC;
         Ok(Some(Buffer {
             index: state.index,
