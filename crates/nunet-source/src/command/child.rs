@@ -18,6 +18,8 @@ use crate::secret::without_passwords;
 
 /// How long a program may take to end after it is asked to.
 const GRACE: Duration = Duration::from_secs(1);
+/// How often a wait looks whether it is over.
+const STEP: Duration = Duration::from_millis(5);
 /// The longest part of a line that is kept.
 const MAX_LINE_BYTES: u64 = 1024;
 /// What a shell's exit code says: the command cannot be run, or does not exist.
@@ -39,7 +41,12 @@ struct LastLine {
     reader: Option<JoinHandle<()>>,
 }
 
+/// A program that is being ended, on a thread of its own: this may take longer than a source may wait.
+/// Dropping this waits for the end.
+pub(super) struct Ending(Option<JoinHandle<Ended>>);
+
 /// How a program ended.
+#[derive(Default)]
 pub(super) struct Ended {
     /// `None` if it had to be killed, or its end is unknown.
     status: Option<ExitStatus>,
@@ -75,10 +82,35 @@ impl Running {
         }
     }
 
-    /// Ends the program if it still runs.
-    pub(super) fn end(mut self) -> Ended {
-        let status = self.child.take().and_then(end);
-        Ended { status, last_line: self.errors.get() }
+    /// Begins to end the program if it still runs.
+    pub(super) fn end(mut self) -> Ending {
+        let end = move || Ended { status: self.child.take().and_then(end), last_line: self.errors.get() };
+        // Without the thread, the program is ended here, and only the reason is unknown.
+        Ending(std::thread::Builder::new().name("program-end".into()).spawn(end).ok())
+    }
+}
+
+impl Ending {
+    /// Waits up to `timeout` for the end. Returns itself if that is too short.
+    pub(super) fn wait(mut self, timeout: Duration) -> Result<Ended, Self> {
+        let deadline = Instant::now() + timeout;
+        while self.0.as_ref().is_some_and(|thread| !thread.is_finished()) {
+            if Instant::now() >= deadline {
+                return Err(self);
+            }
+            std::thread::sleep(STEP);
+        }
+        Ok(self.join())
+    }
+
+    fn join(&mut self) -> Ended {
+        self.0.take().and_then(|thread| thread.join().ok()).unwrap_or_default()
+    }
+}
+
+impl Drop for Ending {
+    fn drop(&mut self) {
+        self.join();
     }
 }
 
@@ -127,7 +159,6 @@ fn end(mut child: Child) -> Option<ExitStatus> {
 
 /// Whether a child ends in time. It is not collected.
 fn ends_within(pid: Pid, time: Duration) -> bool {
-    const STEP: Duration = Duration::from_millis(5);
     let deadline = Instant::now() + time;
     let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
     loop {
@@ -153,7 +184,6 @@ impl LastLine {
 
     /// The line, after the thread had a moment to read it.
     fn get(&self) -> String {
-        const STEP: Duration = Duration::from_millis(5);
         let deadline = Instant::now() + GRACE / 5;
         while self.reader.as_ref().is_some_and(|reader| !reader.is_finished()) && Instant::now() < deadline {
             std::thread::sleep(STEP);

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use nunet_ipc::{Clock, monotonic_nanos};
 use tracing::{debug, info, warn};
 
-use self::child::Running;
+use self::child::{Ended, Ending, Running};
 use crate::error::{SourceError, SourceErrorKind};
 use crate::health::Health;
 use crate::secret::without_passwords;
@@ -92,6 +92,14 @@ fn ffmpeg(url: &str) -> Vec<String> {
     input.split(' ').chain([url]).chain(output.split(' ')).map(str::to_owned).collect()
 }
 
+/// Why a program is ended.
+enum Loss {
+    /// Its images ended, perhaps with an error.
+    Over(Option<SourceError>),
+    /// It sent no image for this time.
+    Silent(Duration),
+}
+
 /// A program that is started, read, and started again when it ends or falls silent.
 struct ProgramSource {
     arguments: Vec<String>,
@@ -100,6 +108,8 @@ struct ProgramSource {
     size: Option<nunet_types::ImageSize>,
     format: Option<nunet_types::PixelFormat>,
     running: Option<Running>,
+    /// The program that ran before, and why it is ended.
+    ending: Option<(Ending, Loss)>,
     health: Health,
     sequence: u64,
     /// Counts starts.
@@ -118,6 +128,7 @@ impl ProgramSource {
             size: options.size,
             format: options.format,
             running: None,
+            ending: None,
             health: Health::default(),
             sequence: 0,
             segment: 0,
@@ -161,10 +172,33 @@ impl ProgramSource {
         self.last_image.unwrap_or(running.started).elapsed() > self.silence_limit()
     }
 
-    /// Ends the program. It is tried again, unless it never gave an image and never will.
-    fn lose(&mut self, why: Option<SourceError>) -> Fill {
-        let Some(running) = self.running.take() else { return Fill::Nothing };
-        let ended = running.end();
+    fn lose(&mut self, loss: Loss) -> Fill {
+        self.ending = self.running.take().map(|running| (running.end(), loss));
+        self.wait_for_end()
+    }
+
+    /// Waits a moment for the end of a lost program.
+    fn wait_for_end(&mut self) -> Fill {
+        let Some((ending, loss)) = self.ending.take() else { return Fill::Nothing };
+        match (ending.wait(POLL_TIMEOUT), loss) {
+            (Ok(ended), Loss::Over(why)) => self.lost(why, &ended),
+            (Ok(Ended { last_line, .. }), Loss::Silent(time)) => {
+                let after = match last_line.as_str() {
+                    "" => String::new(),
+                    line => format!("; it last wrote: {line}"),
+                };
+                self.report(&format!("no image for {} s{after}", time.as_secs()));
+                Fill::Nothing
+            }
+            (Err(ending), loss) => {
+                self.ending = Some((ending, loss));
+                Fill::Nothing
+            }
+        }
+    }
+
+    /// A lost program is tried again, unless it never gave an image and never will.
+    fn lost(&mut self, why: Option<SourceError>, ended: &Ended) -> Fill {
         let reason = match why {
             // The program ended, and says best why.
             Some(error)
@@ -200,6 +234,9 @@ impl ProgramSource {
 
 impl Source for ProgramSource {
     fn fill(&mut self, frame: &mut Frame) -> Fill {
+        if self.ending.is_some() {
+            return self.wait_for_end();
+        }
         if self.running.is_none() {
             match self.start() {
                 Ok(true) => {}
@@ -227,12 +264,12 @@ impl Source for ProgramSource {
             }
             Fill::Nothing => {
                 if self.running.as_ref().is_some_and(|running| self.is_silent(running)) {
-                    return self.lose_silent();
+                    return self.lose(Loss::Silent(self.silence_limit()));
                 }
                 Fill::Nothing
             }
-            Fill::End => self.lose(None),
-            Fill::Cut(error) | Fill::Broken(error) => self.lose(Some(error)),
+            Fill::End => self.lose(Loss::Over(None)),
+            Fill::Cut(error) | Fill::Broken(error) => self.lose(Loss::Over(Some(error))),
             other => other,
         }
     }
@@ -242,20 +279,7 @@ impl Source for ProgramSource {
     }
 
     fn is_waiting(&self) -> bool {
-        self.health.is_bad() || self.sequence == 0
-    }
-}
-
-impl ProgramSource {
-    fn lose_silent(&mut self) -> Fill {
-        if let Some(running) = self.running.take() {
-            let last_line = running.end().last_line;
-            let limit = self.silence_limit();
-            let after =
-                if last_line.is_empty() { String::new() } else { format!("; it last wrote: {last_line}") };
-            self.report(&format!("no image for {} s{after}", limit.as_secs()));
-        }
-        Fill::Nothing
+        self.ending.is_some() || self.health.is_bad() || self.sequence == 0
     }
 }
 

@@ -17,6 +17,10 @@ fn open(name: &str) -> Box<dyn Source> {
     SourceName::parse(name).open(options).unwrap()
 }
 
+fn ended(running: Running) -> Ended {
+    running.end().wait(Duration::from_secs(60)).ok().expect("it ends")
+}
+
 /// The next fill that is more than nothing.
 fn next(source: &mut dyn Source, frame: &mut Frame) -> Fill {
     let fills = (0..MAX_FILLS).map(|_| source.fill(frame));
@@ -91,19 +95,19 @@ fn a_command_that_fails_is_waited_for() {
 
 #[test]
 fn the_reason_of_an_end_is_the_exit_code_and_the_last_line() {
-    let ended = |command: &str| {
+    let reason = |command: &str| {
         let arguments = ["/bin/sh", "-c", command].map(str::to_owned);
         let mut running = Running::start(&arguments, &OpenOptions::default()).unwrap();
         let over = (0..MAX_FILLS).map(|_| running.images.fill(&mut Frame::default()));
         assert!(over.into_iter().any(|fill| matches!(fill, Fill::Broken(_))));
-        running.end().reason()
+        ended(running).reason()
     };
     assert_eq!(
-        ended("echo one >&2; echo 'no such camera' >&2; exit 3"),
+        reason("echo one >&2; echo 'no such camera' >&2; exit 3"),
         "it ended with exit code 3: no such camera"
     );
-    assert_eq!(ended("printf 'frame=1\\rframe=2\\r\\n' >&2"), "it ended with exit code 0: frame=2");
-    assert_eq!(ended("kill -9 $$"), "signal 9 ended it");
+    assert_eq!(reason("printf 'frame=1\\rframe=2\\r\\n' >&2"), "it ended with exit code 0: frame=2");
+    assert_eq!(reason("kill -9 $$"), "signal 9 ended it");
 }
 
 fn is_alive(pid: &str) -> bool {
@@ -132,6 +136,24 @@ fn what_was_started_ends_with_the_source_even_if_it_ignores_signals() {
         }),
         "{pids:?}"
     );
+}
+
+/// It would hold up the capture thread.
+#[test]
+fn the_end_of_a_program_that_ignores_signals_is_not_waited_for_at_once() {
+    let command = "trap '' TERM; echo ready >&2; printf aaaa; while true; do sleep 1000; done";
+    let arguments = ["/bin/sh", "-c", command].map(str::to_owned);
+    let options = OpenOptions {
+        size: Some(ImageSize::new(2, 2)),
+        format: Some(PixelFormat::Mono8),
+        ..OpenOptions::default()
+    };
+    let mut running = Running::start(&arguments, &options).unwrap();
+    let mut fills = (0..MAX_FILLS).map(|_| running.images.fill(&mut Frame::default()));
+    assert!(fills.any(|fill| matches!(fill, Fill::Frame)));
+    let Err(ending) = running.end().wait(Duration::ZERO) else { panic!("it was waited for") };
+    let Ok(ended) = ending.wait(Duration::from_secs(60)) else { panic!("it still runs") };
+    assert_eq!(ended.reason(), "it closed its output: ready");
 }
 
 #[test]
