@@ -224,12 +224,20 @@ impl ProgramSource {
     }
 
     fn report(&mut self, reason: &str) {
-        if self.health.fails(reason, monotonic_nanos()) {
+        if self.health.fails(&without_numbers(reason), monotonic_nanos()) {
             warn!("waiting for {}: {reason}", self.name);
         } else {
             debug!("{}: {reason}", self.name);
         }
     }
+}
+
+/// A reason without its words that have digits, for comparison: addresses, times and counts in the messages
+/// of a program differ each time.
+fn without_numbers(reason: &str) -> String {
+    let words = reason.split(|c: char| !c.is_alphanumeric());
+    let words = words.filter(|word| !word.is_empty() && !word.contains(|c: char| c.is_ascii_digit()));
+    words.collect::<Vec<_>>().join(" ")
 }
 
 impl Source for ProgramSource {

@@ -138,6 +138,15 @@ fn what_was_started_ends_with_the_source_even_if_it_ignores_signals() {
     );
 }
 
+#[test]
+fn addresses_and_times_in_a_message_are_no_other_reason() {
+    let ended = "it ended with exit code 1: ";
+    let refused = |address: &str| format!("{ended}[tcp @ {address}] Connection to tcp://camera:554 failed");
+    assert_eq!(without_numbers(&refused("0x55d0c1a2f3c0")), without_numbers(&refused("0x7f3e2c000b80")));
+    assert_ne!(without_numbers(&refused("0x55d0c1a2f3c0")), without_numbers(&format!("{ended}Not found")));
+    assert_eq!(without_numbers("12:00:01 frame=   99 lost"), without_numbers("12:00:02 frame=  100 lost"));
+}
+
 /// It would hold up the capture thread.
 #[test]
 fn the_end_of_a_program_that_ignores_signals_is_not_waited_for_at_once() {
