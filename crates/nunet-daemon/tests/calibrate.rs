@@ -210,7 +210,7 @@ fn what_cannot_give_a_factor_is_refused() {
         (&["--source", &images, "--distance", "2", "--depth-cap", "20"], 2, "cannot be used with"),
         (&["--source", &images, "--mount", "0,0,0.5,0,0,0", "--depth-offset", "1"], 2, "cannot be used with"),
         (&["--truth", &images, "--topic", "/a"], 2, "hint: name topics only for recordings"),
-        (&["--truth", "none", "--depth-cap", "0"], 2, "expected meters above 0"),
+        (&["--truth", "none", "--depth-cap", "0"], 2, "expected meters from 1e-9 to 1e9"),
     ] {
         let (got, stderr) = refused(&bench, rest);
         assert!(got == Some(code) && stderr.contains(words), "{rest:?}: {got:?} {stderr}");

@@ -147,16 +147,22 @@ impl EvalArgs {
     }
 }
 
+/// The least and the most meters: beyond them, the single-precision depth is 0 or infinite.
+const METERS: [f64; 2] = [1e-9, 1e9];
+/// The most units, of either sign.
+const MAX_UNITS: f64 = 1e6;
+
 pub(super) fn parse_meters(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(scale) if scale > 0.0 && f64::is_finite(scale) => Ok(scale),
-        _ => Err(format!("expected meters above 0, such as 0.001, got `{text}`")),
+    let [least, most] = METERS;
+    match text.parse::<f64>() {
+        Ok(meters) if (least..=most).contains(&meters) => Ok(meters),
+        _ => Err(format!("expected meters from {least:e} to {most:e}, such as 0.001, got `{text}`")),
     }
 }
 
 fn parse_units(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(units) if f64::is_finite(units) => Ok(units),
-        _ => Err(format!("expected a number of units, such as 1, got `{text}`")),
+    match text.parse::<f64>() {
+        Ok(units) if (-MAX_UNITS..=MAX_UNITS).contains(&units) => Ok(units),
+        _ => Err(format!("expected at most {MAX_UNITS:e} units, such as 1, got `{text}`")),
     }
 }

@@ -59,8 +59,15 @@ fn an_error_of_a_number_or_address_names_what_is_expected() {
         ("nunetd bench --runs 0", count),
         ("nunetd watch front --frames 0", count),
         ("nunetd --readers 0", "expected 1 to 62, got `0`"),
-        ("nunetd eval data --depth-offset nan", "expected a number of units, such as 1, got `nan`"),
+        ("nunetd eval data --depth-offset nan", "expected at most 1e6 units, such as 1, got `nan`"),
+        ("nunetd eval data --depth-offset=-1e300", "such as 1, got `-1e300`"),
         ("nunetd calibrate --truth data --depth-offset inf", "such as 1, got `inf`"),
+        (
+            "nunetd eval data --depth-cap 1e300",
+            "expected meters from 1e-9 to 1e9, such as 0.001, got `1e300`",
+        ),
+        ("nunetd eval data --depth-scale 1e-300", "such as 0.001, got `1e-300`"),
+        ("nunetd calibrate --truth data --depth-cap 1e-300", "such as 0.001, got `1e-300`"),
         ("nunetd --metrics 9477", "expected ADDRESS:PORT, such as `127.0.0.1:9477`, got `9477`"),
     ] {
         let error = Cli::parse_line(line.split(' ').map(OsString::from)).unwrap_err();
