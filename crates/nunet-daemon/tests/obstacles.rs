@@ -114,6 +114,33 @@ fn obstacles_follow_the_attitude_of_the_robot_and_a_stale_one_is_reported() {
 }
 
 #[test]
+fn a_recording_holds_the_attitude_and_a_replay_finds_the_same_obstacles() {
+    let bench = Bench::new();
+    let (model, file, name) = (bench.arg("model.onnx"), bench.arg("tilt.mcap"), camera("tilt"));
+    let of_last_frame = |out: &str| std::fs::read_to_string(bench.path(out).join("obstacles.json")).unwrap();
+    let command = |out: &str, rest: &[&str]| {
+        let mut command = nunetd(&["-q", "--model", &model, "--camera", &name, "--mount", MOUNT]);
+        command.args(["--out", &bench.arg(out)]).args(rest);
+        command
+    };
+    let mut publisher =
+        AttitudePublisher::create(&CameraName::new(&name).unwrap(), Clock::Monotonic).unwrap();
+    let mut live = command("live", &["--source", "demo", "--rate", "20", "--frames", "10"]);
+    live.args(["--attitude", "shm", "--record", &file, "--record-lossless"]);
+    let mut daemon = Guarded::start(live);
+    wait_for("the obstacles of the last frame", || {
+        publisher.publish(monotonic_nanos(), 0.3, -0.1).unwrap();
+        bench.path("live/obstacles.json").is_file().then_some(())
+    });
+    assert_eq!(daemon.wait(), Some(0));
+    let played = ["--source", &file];
+    run_well(command("tilted", &[&played[..], &["--attitude", "recording"]].concat()));
+    run_well(command("level", &played));
+    assert_eq!(of_last_frame("tilted"), of_last_frame("live"));
+    assert_ne!(of_last_frame("level"), of_last_frame("live"), "the attitude changes nothing");
+}
+
+#[test]
 fn frames_without_an_attitude_are_counted() {
     let bench = Bench::new();
     let (model, stats, name) = (bench.arg("model.onnx"), bench.arg("stats.json"), camera("no-attitude"));
@@ -131,7 +158,9 @@ fn an_attitude_without_a_mount_is_refused_with_a_hint() {
     assert_eq!(output.status.code(), Some(2), "{log}");
     assert!(log.contains("--attitude needs the pose of the camera") && log.contains("pass --mount"), "{log}");
     let log = text(&run(nunetd(&["--mount", MOUNT, "--attitude", "imu"])).stderr);
-    assert!(log.contains("expected `shm`, got `imu`"), "{log}");
+    assert!(log.contains("expected `shm` or `recording`, got `imu`"), "{log}");
+    let log = text(&run(nunetd(&["--source", "demo", "--mount", MOUNT, "--attitude", "recording"])).stderr);
+    assert!(log.contains("--attitude recording needs a recording as the --source"), "{log}");
 }
 
 /// The speed of the example for one image of the rendered drive, with the default network.

@@ -73,6 +73,7 @@ fn give(sink: &mut dyn Sink, number: u64) {
         view: PixelRect::whole(SIZE),
         obstacles: None,
         obstacle_frame: "base_link",
+        roll_pitch_rad: None,
     };
     let timings = Timings { total_micros: 9, queue_micros: 1, inner_micros: &[5], publish_micros: 3 };
     sink.on_frame(&PublishedFrame { frame: &frame, camera: None, results, timings });

@@ -75,6 +75,11 @@ impl Channel {
         ChannelKind::of(&self.schema, &self.encoding)
     }
 
+    /// Whether its messages are those of an inertial sensor.
+    pub(crate) fn is_imu(&self) -> bool {
+        (self.schema.as_str(), self.encoding.as_str()) == ("sensor_msgs/msg/Imu", "cdr")
+    }
+
     /// Type and encoding of its messages.
     pub(crate) fn description(&self) -> String {
         let schema = if self.schema.is_empty() { "messages without a type" } else { &self.schema };

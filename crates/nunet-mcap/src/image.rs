@@ -41,6 +41,9 @@ pub struct RecordedImage {
     pub log_nanos: u64,
     /// The coordinate frame of the camera.
     pub frame_id: String,
+    /// Roll and pitch of the robot's base that were used for the image when it was recorded, radians; `None`
+    /// if the recording has none.
+    pub roll_pitch_rad: Option<[f32; 2]>,
 }
 
 /// A raw image of a message.

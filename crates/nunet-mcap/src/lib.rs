@@ -52,6 +52,7 @@
 //!
 //! Errors have a [kind](RecordingError::kind) and a [hint](nunet_types::Hint).
 
+mod attitude;
 mod bag;
 mod camera;
 mod camera_topic;

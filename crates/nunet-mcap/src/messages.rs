@@ -193,6 +193,20 @@ pub(crate) struct LaserScan<'a> {
     pub(crate) intensities: Cow<'a, [f32]>,
 }
 
+/// `sensor_msgs/msg/Imu`
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Imu<'a> {
+    #[serde(borrow)]
+    pub(crate) header: Header<'a>,
+    /// Quaternion x, y, z, w.
+    pub(crate) orientation: [f64; 4],
+    pub(crate) orientation_covariance: [f64; 9],
+    pub(crate) angular_velocity: [f64; 3],
+    pub(crate) angular_velocity_covariance: [f64; 9],
+    pub(crate) linear_acceleration: [f64; 3],
+    pub(crate) linear_acceleration_covariance: [f64; 9],
+}
+
 /// `geometry_msgs/msg/TransformStamped`, with its transform's fields in place.
 #[derive(Debug, PartialEq, Serialize)]
 pub(crate) struct TransformStamped<'a> {
@@ -227,6 +241,7 @@ schema!(IMAGE, "sensor_msgs/msg/Image", "Image.msg");
 schema!(COMPRESSED_IMAGE, "sensor_msgs/msg/CompressedImage", "CompressedImage.msg");
 schema!(CAMERA_INFO, "sensor_msgs/msg/CameraInfo", "CameraInfo.msg");
 schema!(POINT_CLOUD, "sensor_msgs/msg/PointCloud2", "PointCloud2.msg");
+schema!(IMU, "sensor_msgs/msg/Imu", "Imu.msg");
 schema!(LASER_SCAN, "sensor_msgs/msg/LaserScan", "LaserScan.msg");
 schema!(TF_MESSAGE, "tf2_msgs/msg/TFMessage", "TFMessage.msg");
 

@@ -13,7 +13,7 @@ use crate::peek::{LOOK_AHEAD, LOOK_AHEAD_BYTES, Peek};
 use crate::record::Record;
 use crate::records::Records;
 use crate::writer::ABOUT;
-use crate::{RecordingError, parts};
+use crate::{RecordingError, attitude, parts};
 
 /// How many records without an image are read before [`Recording::next`] returns [`Next::Nothing`].
 const RECORDS_PER_CALL: usize = 256;
@@ -50,6 +50,9 @@ pub struct Recording {
     part: usize,
     topic: String,
     camera_topic: Option<String>,
+    attitude_topic: Option<String>,
+    /// The last attitude that belongs to no image yet, with its stamp.
+    attitude: Option<(i64, [f32; 2])>,
     read_mode: ReadMode,
     records: Records,
     channels: Channels,
@@ -126,6 +129,8 @@ impl Recording {
             camera_topic,
             read_mode,
             count: topics.count(&topic),
+            attitude_topic: attitude::topic_of(&topic),
+            attitude: None,
             topic,
             records: Records::open(&bag.parts[0].path)?,
             channels: bag.parts[0].channels.clone(),
@@ -222,7 +227,8 @@ impl Recording {
     }
 
     fn step(&mut self, image: &mut RecordedImage) -> Result<Option<RecordOutcome>, RecordingError> {
-        let Self { channels, topic, camera_topic, read_mode, camera, images, .. } = self;
+        let Self { channels, topic, camera_topic, attitude_topic, read_mode, camera, images, .. } = self;
+        let last_attitude = &mut self.attitude;
         self.records.next(|record| {
             channels.learn(&record);
             let is_image = |id| {
@@ -234,11 +240,17 @@ impl Recording {
             }
             let Record::Message { channel_id, log_time, data } = record else { return RecordOutcome::Other };
             let Some(channel) = channels.get(channel_id) else { return RecordOutcome::Other };
+            if channel.is_imu() && Some(&channel.topic) == attitude_topic.as_ref() {
+                *last_attitude = attitude::read(data);
+            }
             let Some(kind) = channel.kind() else { return RecordOutcome::Other };
             if channel.topic == *topic && !kind.is_camera() {
                 *images += 1;
                 image.log_nanos = log_time;
-                return match decode::image(kind, data, *read_mode, image) {
+                let decoded = decode::image(kind, data, *read_mode, image);
+                let own = last_attitude.take().filter(|(stamp_nanos, _)| *stamp_nanos == image.stamp_nanos);
+                image.roll_pitch_rad = own.map(|(_, roll_pitch_rad)| roll_pitch_rad);
+                return match decoded {
                     Ok(()) => RecordOutcome::Image,
                     Err(reason) => RecordOutcome::Bad(RecordingError::Message {
                         topic: topic.clone(),

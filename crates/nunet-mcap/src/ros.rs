@@ -6,10 +6,11 @@ use serde::Serialize;
 use serde_bytes::Bytes;
 
 use crate::CameraDescription;
+use crate::attitude;
 use crate::cdr;
 use crate::frame_record::{CloudRecord, EncodedImage};
 use crate::messages::{
-    CAMERA_INFO, COMPRESSED_IMAGE, CompressedImage, IMAGE, Image, LASER_SCAN, POINT_CLOUD, Schema,
+    CAMERA_INFO, COMPRESSED_IMAGE, CompressedImage, IMAGE, IMU, Image, LASER_SCAN, POINT_CLOUD, Schema,
     TF_MESSAGE, TfMessage,
 };
 pub use crate::messages::{Header, Time};
@@ -31,6 +32,8 @@ pub enum RosMessage<'a> {
     ObstaclePoints(&'a ObstaclesRecord<'a>),
     /// `sensor_msgs/msg/LaserScan`
     Scan(&'a ObstaclesRecord<'a>),
+    /// `sensor_msgs/msg/Imu`: roll and pitch of the frame of the header, radians.
+    Attitude([f32; 2]),
     /// `tf2_msgs/msg/TFMessage`: from `base_link` to the frame of the header.
     TfStatic(CameraMount),
 }
@@ -58,6 +61,7 @@ impl RosMessage<'_> {
             Self::CameraInfo(_) => &CAMERA_INFO,
             Self::Cloud(_) | Self::ObstaclePoints(_) => &POINT_CLOUD,
             Self::Scan(_) => &LASER_SCAN,
+            Self::Attitude(_) => &IMU,
             Self::TfStatic(_) => &TF_MESSAGE,
         }
     }
@@ -81,6 +85,7 @@ impl RosMessage<'_> {
             Self::Cloud(cloud) => encode(&cloud.message(header), out),
             Self::ObstaclePoints(obstacles) => encode(&obstacles.cloud(header), out),
             Self::Scan(obstacles) => encode(&obstacles.scan(header), out),
+            Self::Attitude(roll_pitch_rad) => encode(&attitude::message(roll_pitch_rad, header), out),
             Self::TfStatic(mount) => encode(&TfMessage { transforms: vec![mount.transform(&header)] }, out),
         }
     }
@@ -90,7 +95,7 @@ impl RosMessage<'_> {
 /// types that recordings do not have.
 #[must_use]
 pub fn definition(type_name: &str) -> Option<&'static str> {
-    let all = [&IMAGE, &COMPRESSED_IMAGE, &CAMERA_INFO, &POINT_CLOUD, &LASER_SCAN, &TF_MESSAGE];
+    let all = [&IMAGE, &COMPRESSED_IMAGE, &CAMERA_INFO, &POINT_CLOUD, &LASER_SCAN, &IMU, &TF_MESSAGE];
     all.into_iter().find(|schema| schema.name == type_name).map(|schema| schema.text)
 }
 

@@ -6,6 +6,7 @@ use std::io::{BufWriter, ErrorKind};
 use std::path::{Path, PathBuf};
 
 use crate::RecordingError;
+use crate::attitude::BASE_FRAME;
 use crate::file_end::FileEnd;
 use crate::frame_record::{DepthRecord, FrameRecord, ScaleRecord, WriterOptions};
 use crate::messages::{Header, Schema, Time};
@@ -146,6 +147,22 @@ impl RecordingWriter {
         let points = RosMessage::ObstaclePoints(obstacles);
         self.put(self.topic("obstacles/points"), log_nanos, &header, points)?;
         self.put(self.topic("scan"), log_nanos, &header, RosMessage::Scan(obstacles))
+    }
+
+    /// Writes roll and pitch of the robot's base that were used for a frame, radians, before the frame itself.
+    /// Errors are final, as in [`Self::write`].
+    ///
+    /// # Errors
+    /// The disk is full, or a message cannot be encoded.
+    pub fn write_attitude(
+        &mut self,
+        roll_pitch_rad: [f32; 2],
+        log_nanos: u64,
+        stamp_nanos: i64,
+    ) -> Result<(), RecordingError> {
+        let stamp = Time::from_unix_nanos(stamp_nanos);
+        let header = Header { stamp, frame_id: BASE_FRAME.into() };
+        self.put(self.topic("attitude"), log_nanos, &header, RosMessage::Attitude(roll_pitch_rad))
     }
 
     /// Depth is last in a frame, as in shared memory.

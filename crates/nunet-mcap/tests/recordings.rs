@@ -488,6 +488,44 @@ fn a_recording_that_begins_again_has_its_first_camera_again() {
 }
 
 #[test]
+fn each_image_has_the_attitude_that_was_recorded_for_it() {
+    let folder = Folder::new();
+    let path = folder.0.path().join("tilt.mcap");
+    let mut writer = write_frames(&path, 0);
+    let recorded = [(1, Some([0.1, -0.2])), (2, None), (3, Some([0.3, 0.0]))];
+    for (nanos, attitude) in recorded {
+        if let Some(roll_pitch_rad) = attitude {
+            writer.write_attitude(roll_pitch_rad, nanos as u64, nanos).unwrap();
+        }
+        let depth = DepthRecord { scale: ScaleRecord::default(), width: 1, height: 1, bytes: &[0; 4] };
+        let frame = FrameRecord {
+            log_nanos: nanos as u64,
+            stamp_nanos: nanos,
+            image: Some(EncodedImage { format: "png", data: b"\x89PNG\r\n\x1a\n..." }),
+            camera: None,
+            depth,
+            depth_camera: None,
+            labels: None,
+            confidence: None,
+            cloud: None,
+        };
+        writer.write(&frame).unwrap();
+    }
+    // The image that it belongs to is missing.
+    writer.write_attitude([0.5, 0.5], 4, 4).unwrap();
+    writer.finish().unwrap();
+    let (mut recording, mut image) = (Recording::open(&path, None).unwrap(), RecordedImage::default());
+    for _ in 0..2 {
+        for (nanos, attitude) in recorded {
+            assert!(matches!(recording.next(&mut image), Next::Image));
+            assert_eq!((image.stamp_nanos, image.roll_pitch_rad), (nanos, attitude));
+        }
+        assert!(matches!(recording.next(&mut image), Next::End));
+        recording.rewind().unwrap();
+    }
+}
+
+#[test]
 fn where_the_scale_comes_from_is_said_when_it_changes() {
     let folder = Folder::new();
     let path = folder.0.path().join("scale.mcap");

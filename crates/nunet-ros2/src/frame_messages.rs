@@ -165,6 +165,9 @@ mod tests {
             assert!(has_frame(topic, "base_footprint") && !has_frame(topic, "eye"), "{topic}");
         }
         assert!(has_frame(Topic::Depth, "eye") && !has_frame(Topic::Depth, "base_footprint"));
+            roll_pitch_rad: None,
+        });
+        record
     }
 
     #[test]

@@ -1,12 +1,14 @@
-//! The mount of each frame on a robot that pitches or rolls, from the attitude of its base in shared memory.
+//! The mount of each frame on a robot that pitches or rolls, from the attitude of its base in shared memory or
+//! in a recording.
 
+use std::borrow::Cow;
 use std::str::FromStr;
 use std::time::Instant;
 
 use nunet_core::obstacle::Mount;
 use nunet_core::pipeline::Pipeline;
 use nunet_ipc::{AttitudeReader, CameraName};
-use nunet_source::CaptureTime;
+use nunet_source::{CaptureTime, Frame};
 use nunet_telemetry::RateLimit;
 use nunet_types::Hint as _;
 use tracing::{info, warn};
@@ -22,13 +24,19 @@ const MIN_CHANGE_RAD: f32 = 0.0017;
 pub enum AttitudeSource {
     /// The topic `attitude` of the camera in shared memory.
     SharedMemory,
+    /// The recording that the frames come from.
+    Recording,
 }
 
 impl FromStr for AttitudeSource {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        if text == "shm" { Ok(Self::SharedMemory) } else { Err(format!("expected `shm`, got `{text}`")) }
+        match text {
+            "shm" => Ok(Self::SharedMemory),
+            "recording" => Ok(Self::Recording),
+            _ => Err(format!("expected `shm` or `recording`, got `{text}`")),
+        }
     }
 }
 
@@ -41,10 +49,14 @@ pub struct AttitudeConfig {
     pub mount: Mount,
 }
 
+/// Why an attitude is not known, and a hint.
+type Unknown = (String, Option<Cow<'static, str>>);
+
 /// Follows the attitude of a robot's base.
 pub struct AttitudeStage {
     level: Mount,
-    reader: AttitudeReader,
+    /// `None` if frames come with their attitude.
+    reader: Option<AttitudeReader>,
     /// Roll and pitch of the mount in use, radians.
     in_use: [f32; 2],
     is_known: bool,
@@ -57,10 +69,10 @@ impl AttitudeStage {
     /// For the frames of a camera. Opens nothing yet.
     #[must_use]
     pub fn new(camera: &CameraName, config: AttitudeConfig) -> Self {
-        let AttitudeConfig { source: AttitudeSource::SharedMemory, mount } = config;
+        let is_read = config.source == AttitudeSource::SharedMemory;
         Self {
-            level: mount,
-            reader: AttitudeReader::new(camera),
+            level: config.mount,
+            reader: is_read.then(|| AttitudeReader::new(camera)),
             in_use: [0.0; 2],
             is_known: false,
             frames: 0,
@@ -71,16 +83,17 @@ impl AttitudeStage {
 
     /// Turns the mount of a frame's camera by the attitude at its capture time. Without one, the mount is that of the level
     /// robot, with a warning.
-    pub fn follow(
-        &mut self,
-        capture: &CaptureTime,
-        pipeline: &mut Pipeline,
-        obstacles: Option<&mut ObstacleStage>,
-    ) {
-        if let Some(mount) = self.new_mount(capture) {
+    pub fn follow(&mut self, frame: &Frame, pipeline: &mut Pipeline, obstacles: Option<&mut ObstacleStage>) {
+        if let Some(mount) = self.new_mount(frame) {
             pipeline.set_mount(mount);
             obstacles.into_iter().for_each(|stage| stage.set_mount(mount));
         }
+    }
+
+    /// Roll and pitch of the mount of the last frame, radians; `None` if its attitude is not known.
+    #[must_use]
+    pub fn roll_pitch_rad(&self) -> Option<[f32; 2]> {
+        self.is_known.then_some(self.in_use)
     }
 
     /// Whether the last frame had an attitude.
@@ -89,19 +102,36 @@ impl AttitudeStage {
         self.is_known
     }
 
+    /// Whether any frame had one.
+    #[must_use]
+    pub fn had_any(&self) -> bool {
+        self.frames > self.frames_without
+    }
+
     /// The number of frames that had none.
     #[must_use]
     pub fn frames_without(&self) -> u64 {
         self.frames_without
     }
 
+    /// Roll and pitch at the capture time of a frame, radians.
+    fn attitude_of(&mut self, frame: &Frame) -> Result<[f32; 2], Unknown> {
+        let Some(reader) = &mut self.reader else {
+            return frame.roll_pitch_rad.ok_or_else(|| ("the recording states none".to_owned(), None));
+        };
+        let CaptureTime { nanos, clock, unix_nanos } = frame.capture;
+        let sample =
+            reader.at(clock, nanos, unix_nanos).map_err(|error| (error.to_string(), error.hint()))?;
+        Ok([sample.roll_rad, sample.pitch_rad])
+    }
+
     /// The mount of a frame; `None` if it is that of the frame before.
-    fn new_mount(&mut self, capture: &CaptureTime) -> Option<Mount> {
-        let found = self.reader.at(capture.clock, capture.nanos, capture.unix_nanos);
-        let tilted = found.map_err(|error| (error.to_string(), error.hint())).and_then(|sample| {
-            let mount = self.level.on_tilted_base(sample.roll_rad.into(), sample.pitch_rad.into());
+    fn new_mount(&mut self, frame: &Frame) -> Option<Mount> {
+        let tilted = self.attitude_of(frame).and_then(|attitude| {
+            let [roll_rad, pitch_rad] = attitude.map(f64::from);
+            let mount = self.level.on_tilted_base(roll_rad, pitch_rad);
             let mount = mount.map_err(|error| (error.to_string(), error.hint()))?;
-            Ok(([sample.roll_rad, sample.pitch_rad], mount))
+            Ok((attitude, mount))
         });
         self.frames += 1;
         self.is_known = tilted.is_ok();
@@ -114,7 +144,9 @@ impl AttitudeStage {
             info!("the robot's attitude is received: roll {:.3}, pitch {:.3} rad", attitude[0], attitude[1]);
         }
         let change = [0, 1].map(|angle| (attitude[angle] - self.in_use[angle]).abs());
-        let is_new = change[0].max(change[1]) > MIN_CHANGE_RAD;
+        // A recorded attitude was in use, so the mount follows it exactly.
+        let min_change = if self.is_known && self.reader.is_none() { 0.0 } else { MIN_CHANGE_RAD };
+        let is_new = change[0].max(change[1]) > min_change;
         if is_new {
             self.in_use = attitude;
         }
@@ -138,8 +170,9 @@ mod tests {
 
     use super::*;
 
-    fn capture(nanos: i64) -> CaptureTime {
-        CaptureTime { nanos, clock: Clock::Monotonic, unix_nanos: 0 }
+    fn capture(nanos: i64) -> Frame {
+        let capture = CaptureTime { nanos, clock: Clock::Monotonic, unix_nanos: 0 };
+        Frame { capture, ..Frame::default() }
     }
 
     #[test]
@@ -170,6 +203,27 @@ mod tests {
     #[test]
     fn another_source_is_refused_by_name() {
         let error = "imu".parse::<AttitudeSource>().unwrap_err();
-        assert_eq!(error, "expected `shm`, got `imu`");
+        assert_eq!(error, "expected `shm` or `recording`, got `imu`");
+    }
+
+    #[test]
+    fn a_replay_has_the_mounts_of_the_recorded_frames() {
+        let camera = CameraName::new("replay").unwrap();
+        let level = Mount::new([0.2, 0.0, 0.5], [0.0, 0.1, 0.0]).unwrap();
+        let config = AttitudeConfig { source: "recording".parse().unwrap(), mount: level };
+        let mut stage = AttitudeStage::new(&camera, config);
+        let mut mount_of = |roll_pitch_rad| {
+            let mount = stage.new_mount(&Frame { roll_pitch_rad, ..Frame::default() });
+            (mount, stage.roll_pitch_rad())
+        };
+        let tilted = |pitch: f32| level.on_tilted_base(0.0, pitch.into()).unwrap();
+        assert_eq!(mount_of(None), (None, None));
+        for pitch in [0.3, 0.3001, 0.2] {
+            let recorded = Some([0.0, pitch]);
+            assert_eq!(mount_of(recorded), (Some(tilted(pitch)), recorded), "also after a small change");
+            assert_eq!(mount_of(recorded), (None, recorded));
+        }
+        assert_eq!(mount_of(None), (Some(level), None), "not recorded");
+        assert_eq!(mount_of(Some([f32::NAN, 0.0])), (None, None));
     }
 }

@@ -92,6 +92,9 @@ impl FrameWriter {
         if !frame.frame_id.is_empty() {
             self.writer.set_frame_id(&frame.frame_id);
         }
+        if let Some(roll_pitch_rad) = record.roll_pitch_rad() {
+            self.writer.write_attitude(roll_pitch_rad, log_nanos, capture.unix_nanos)?;
+        }
         if let Some(obstacles) = record.obstacles() {
             self.writer.write_obstacles(&obstacles, log_nanos, capture.unix_nanos)?;
         }

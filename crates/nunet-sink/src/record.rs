@@ -29,6 +29,7 @@ pub struct RecordedFrame {
     obstacles: Option<Obstacles>,
     has_obstacles: bool,
     obstacle_frame: &'static str,
+    roll_pitch_rad: Option<[f32; 2]>,
 }
 
 impl RecordedFrame {
@@ -80,6 +81,7 @@ impl RecordedFrame {
         self.depth_camera = results.camera;
         self.copy_obstacles(results.obstacles);
         self.obstacle_frame = results.obstacle_frame;
+        self.roll_pitch_rad = results.roll_pitch_rad;
     }
 
     fn copy_obstacles(&mut self, found: Option<&Obstacles>) {
@@ -144,6 +146,12 @@ impl RecordedFrame {
     pub fn obstacles(&self) -> Option<ObstaclesRecord<'_>> {
         let found = self.obstacles.as_ref().filter(|_| self.has_obstacles)?;
         Some(ObstaclesRecord { frame_id: self.obstacle_frame, map: found.map() })
+    }
+
+    /// Roll and pitch of the robot's base that turned the mount, radians; `None` if it counts as level.
+    #[must_use]
+    pub fn roll_pitch_rad(&self) -> Option<[f32; 2]> {
+        self.roll_pitch_rad
     }
 
     /// Points. Readers of ROS messages expect meters, so depth without a unit has no points.

@@ -31,4 +31,6 @@ pub struct Results<'a> {
     pub obstacles: Option<&'a Obstacles>,
     /// The coordinate frame of obstacles.
     pub obstacle_frame: &'static str,
+    /// Roll and pitch of the robot's base that turned the mount, radians; `None` if it counts as level.
+    pub roll_pitch_rad: Option<[f32; 2]>,
 }

@@ -142,6 +142,7 @@ impl RecordingSource {
         let log_nanos = i64::try_from(image.log_nanos).unwrap_or(i64::MAX);
         frame.capture = CaptureTime { nanos: log_nanos, clock: Clock::Unix, unix_nanos: image.unix_nanos() };
         frame.segment = self.segment;
+        frame.roll_pitch_rad = image.roll_pitch_rad;
         converter.fill(frame, image, recording.topic(), recording.camera())
     }
 }

@@ -218,9 +218,9 @@ pub struct StreamArgs {
     /// serial:DEVICE:BAUD; needs --mount
     #[arg(long, value_name = "ADDRESS")]
     pub mavlink: Option<Text<MavlinkAddress>>,
-    /// Take roll and pitch of a robot that does not stay level from the topic `attitude` of the camera in shared memory; needs
-    /// --mount
-    #[arg(long, value_name = "shm")]
+    /// Roll and pitch of a robot that does not stay level: from the topic `attitude` of the camera in shared memory
+    /// (`shm`), or those that a recording was made with (`recording`); needs --mount
+    #[arg(long, value_name = "shm|recording")]
     pub attitude: Option<Text<AttitudeSource>>,
     /// Warn if depth drifts or flickers by more than this per frame while the image does not change: percent up to 100,
     /// or `off` [default: 5]
@@ -247,6 +247,9 @@ impl StreamArgs {
         source.check()?;
         let name = camera_name(name)?;
         let mount = value(&self.recording.mount.mount);
+        if self.attitude == Some(Text(AttitudeSource::Recording)) && !source.name.properties().is_recording {
+            anyhow::bail!(BadArguments::new("--attitude recording needs a recording as the --source"));
+        }
         let processing = self.processing.config(mount)?;
         let is_required = self.publish.contains(&Publish::Obstacles) || self.mavlink.is_some();
         let readers = value(&self.readers).map(|Readers(readers)| readers.get() as usize);

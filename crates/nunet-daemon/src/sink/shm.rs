@@ -174,6 +174,7 @@ impl ShmPublisher {
             view: report.view,
             obstacles: None,
             obstacle_frame: self.obstacle_frame,
+            roll_pitch_rad: None,
         })
     }
 

@@ -257,6 +257,7 @@ fn results() -> Results<'static> {
         view: nunet_types::PixelRect::default(),
         obstacles: Some(&OBSTACLES),
         obstacle_frame: "base_footprint",
+        roll_pitch_rad: None,
     }
 }
 

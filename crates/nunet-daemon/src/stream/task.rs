@@ -278,7 +278,7 @@ impl StreamTask {
         }
         self.pipeline.set_frame_nanos(frame.capture.nanos);
         if let Some(attitude) = &mut self.attitude {
-            attitude.follow(&frame.capture, &mut self.pipeline, self.obstacles.as_mut());
+            attitude.follow(frame, &mut self.pipeline, self.obstacles.as_mut());
             self.totals.without_attitude = attitude.frames_without();
         }
         let wants = self.sinks.iter().map(|sink| sink.wants()).fold(Wants::default(), Wants::union);
@@ -338,7 +338,8 @@ impl StreamTask {
         self.totals.add_published(now_nanos, report.bytes_copied);
         let Some(results) = self.publisher.last_results().filter(|_| !self.sinks.is_empty()) else { return };
         let obstacles = self.obstacles.as_ref().filter(|_| with_obstacles).and_then(ObstacleStage::last);
-        let results = Results { obstacles, ..results };
+        let roll_pitch_rad = self.attitude.as_ref().and_then(AttitudeStage::roll_pitch_rad);
+        let results = Results { obstacles, roll_pitch_rad, ..results };
         let camera = self.camera.camera_of(frame).ok().flatten();
         let published = PublishedFrame { frame, camera, results, timings };
         self.sinks.iter_mut().for_each(|sink| sink.on_frame(&published));

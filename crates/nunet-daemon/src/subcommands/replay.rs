@@ -6,6 +6,7 @@ use nunet_core::pipeline::{FrameReport, Pipeline};
 use nunet_engine::MonotonicClock;
 use nunet_engine::{Engine, EngineOptions, find_model, hexadecimal};
 use nunet_ipc::CameraName;
+use nunet_sink::attitude::{AttitudeConfig, AttitudeSource, AttitudeStage};
 use nunet_sink::empty_depth::EmptyDepthWarning;
 use nunet_sink::file_plan::FilePlan;
 use nunet_sink::frame_writer::{FrameWriter, RecordingOptions, settings};
@@ -103,7 +104,7 @@ fn replay_unless(options: &ReplayOptions, stop: &Stop) -> anyhow::Result<Outcome
         lossless: true,
     };
     let writer = FrameWriter::create(&options.output, &about)?;
-    let mut replay = Replay::new(pipeline, resolver, writer, &options.publish);
+    let mut replay = Replay::new(pipeline, resolver, writer, options);
     replay.run(&mut source, frame, first, stop)?;
     replay.finish(options)
 }
@@ -132,6 +133,7 @@ fn first_fill(source: &mut dyn Source, frame: &mut Frame, stop: &Stop) -> Fill {
 struct Replay {
     pipeline: Pipeline,
     camera: CameraResolver,
+    attitude: Option<AttitudeStage>,
     continuity: Continuity,
     buffers: Buffers,
     record: RecordedFrame,
@@ -201,8 +203,12 @@ impl FrameHandler for Replay {
 }
 
 impl Replay {
-    fn new(pipeline: Pipeline, camera: CameraResolver, writer: FrameWriter, publish: &[Publish]) -> Self {
+    fn new(pipeline: Pipeline, camera: CameraResolver, writer: FrameWriter, options: &ReplayOptions) -> Self {
+        let mount = options.mount.and_then(|mount| mount.pose().ok());
+        let attitude = mount.map(|mount| AttitudeConfig { source: AttitudeSource::Recording, mount });
+        let publish = &options.publish;
         Self {
+            attitude: attitude.map(|config| AttitudeStage::new(&options.camera, config)),
             buffers: Buffers::new(&pipeline),
             pipeline,
             camera,
@@ -268,6 +274,7 @@ impl Replay {
             view: report.view,
             obstacles: None,
             obstacle_frame: obstacle_frame(false),
+            roll_pitch_rad: self.attitude.as_ref().and_then(AttitudeStage::roll_pitch_rad),
         });
         let written = self.writer.write(&self.record);
         self.results.update(self.record.depth().bytes);
@@ -288,6 +295,11 @@ impl Replay {
             self.pipeline.reset();
         }
         self.pipeline.set_frame_nanos(frame.capture.nanos);
+        // Most recordings have no attitude, which is not worth a warning.
+        let has_some = |stage: &&mut AttitudeStage| frame.roll_pitch_rad.is_some() || stage.had_any();
+        if let Some(attitude) = self.attitude.as_mut().filter(has_some) {
+            attitude.follow(frame, &mut self.pipeline, None);
+        }
         let report = self.pipeline.process(&frame.view()?, self.buffers.outputs(), &MonotonicClock)?;
         self.continuity.took(frame);
         Ok(report)

@@ -87,6 +87,7 @@ fn give(sink: &mut dyn Sink, value: u8) {
         view: nunet_types::PixelRect::whole(SIZE),
         obstacles: None,
         obstacle_frame: "base_link",
+        roll_pitch_rad: None,
     };
     let timings = Timings { total_micros: 9, queue_micros: 1, inner_micros: &[5], publish_micros: 3 };
     sink.on_frame(&PublishedFrame { frame: &frame, camera: None, results, timings });
