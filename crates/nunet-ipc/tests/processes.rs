@@ -22,6 +22,7 @@ fn peer() {
         "own" => own(&argument),
         "fail to create" => say(&create(&argument).unwrap_err().to_string()),
         "read" => read(&argument),
+        "follow" => follow(&argument),
         "look once" => {
             Reader::open(&CameraName::new(&argument).unwrap(), &[Topic::Depth], TIMEOUT).unwrap();
             say("ready");
@@ -64,6 +65,17 @@ fn read(camera: &str) {
             held.push(set);
             held.drain(..held.len() - 1);
         }
+    }
+}
+
+/// Waits for a new frame whenever the test asks for one.
+fn follow(camera: &str) {
+    let reader = Reader::open(&CameraName::new(camera).unwrap(), &[Topic::Depth], TIMEOUT).unwrap();
+    say("ready");
+    while !listen().is_empty() {
+        while reader.latest(Topic::Depth).unwrap().is_some() {}
+        eventually("a new frame", || reader.latest(Topic::Depth).unwrap());
+        say("a new frame");
     }
 }
 
@@ -214,11 +226,14 @@ fn after_a_publisher_was_killed_the_next_one_serves_its_readers() {
     let sandbox = Sandbox::new();
     let mut first = sandbox.spawn("peer", "own", "front");
     first.line();
-    let mut reader = sandbox.spawn("peer", "read", "front");
-    reader.line();
+    let mut reader = sandbox.spawn("peer", "follow", "front");
+    assert_eq!(reader.line(), "ready");
     first.kill();
     let mut second = sandbox.spawn("peer", "own", "front");
     assert_eq!(second.line(), "ready");
+    reader.send_line("next");
+    assert_eq!(reader.line(), "a new frame");
+    reader.finish();
 }
 
 #[test]
