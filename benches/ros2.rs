@@ -64,6 +64,7 @@ impl Fixture {
                 camera: Some(self.camera),
                 obstacles: sink.wants().obstacles.then_some(&self.obstacles),
                 obstacle_frame: "base_link",
+                roll_pitch_rad: None,
             },
             timings: Timings { total_micros: 0, queue_micros: 0, inner_micros: &[], publish_micros: 0 },
         });

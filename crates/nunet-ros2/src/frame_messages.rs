@@ -139,6 +139,7 @@ mod tests {
             view: PixelRect::whole(size),
             obstacles: None,
             obstacle_frame: "base_footprint",
+            roll_pitch_rad: None,
         }
     }
 
@@ -165,9 +166,6 @@ mod tests {
             assert!(has_frame(topic, "base_footprint") && !has_frame(topic, "eye"), "{topic}");
         }
         assert!(has_frame(Topic::Depth, "eye") && !has_frame(Topic::Depth, "base_footprint"));
-            roll_pitch_rad: None,
-        });
-        record
     }
 
     #[test]
