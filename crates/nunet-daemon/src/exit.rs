@@ -307,7 +307,7 @@ mod tests {
         let error = WithHint::new("cannot show it", "get it again").because(error).into();
         assert_eq!(
             chain_text(&error),
-            "error: cannot show it\n  because: cannot read `a.jpg`\n  because: cannot decode:\nbits are missing\n\
+            "error: cannot show it\n  because: cannot read `a.jpg`\n  because: cannot decode:\n    bits are missing\n\
              hint: get it again\n"
         );
     }

@@ -3,15 +3,27 @@
 
 use std::borrow::Cow;
 
+/// What indents the later lines of a message.
+const INDENT: &str = "    ";
+
 /// A message for a terminal or an exception. Between backticks, where names are, every control character is escaped, as in
 /// `a\nb`. Elsewhere line ends and tabs remain, because a message may have several lines.
+///
+/// All lines but the first are indented by at least two spaces, so that they cannot look like another message: a name that
+/// contains backticks itself seems to end before its line end.
 #[must_use]
 pub fn message(text: &str) -> Cow<'_, str> {
     let mut is_name = false;
-    escaped(text, |c| {
+    let text = escaped(text, |c| {
         is_name ^= c == '`';
         is_name || !matches!(c, '\n' | '\t')
-    })
+    });
+    let is_beside_margin = |line: &str| !line.is_empty() && !line.starts_with("  ");
+    if !text.lines().skip(1).any(is_beside_margin) {
+        return text;
+    }
+    // All of them by the same width: some point into the line above.
+    text.replace('\n', &format!("\n{INDENT}")).into()
 }
 
 /// A text that stays on one line: every control character is escaped.
@@ -59,6 +71,17 @@ mod tests {
         assert_eq!(one_line("a\r\nb\tc"), "a\\r\\nb\\tc");
         assert_eq!(lines("a | b\u{9b}31m\nc"), "a | b\\u{9b}31m\nc");
         assert_eq!(one_line("fly\u{202e}gpj.png\u{2028}"), "fly\\u{202e}gpj.png\\u{2028}");
+    }
+
+    #[test]
+    fn a_name_with_backticks_cannot_begin_a_line() {
+        for name in ["a`\nhint: b", "a`\n`hint: b", "`\n2026-11-29T10:00:00Z ERROR b`", "`\n hint: b`\n  c"] {
+            let text = format!("cannot read `{name}`");
+            let message = message(&text);
+            assert!(message.lines().skip(1).all(|line| line.starts_with("  ")), "{message}");
+        }
+        let text = "cannot parse it\n1 | x\n  | ^";
+        assert_eq!(message(text), "cannot parse it\n    1 | x\n      | ^");
     }
 
     #[test]
