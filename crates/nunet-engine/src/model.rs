@@ -54,6 +54,7 @@ pub struct Model {
     own_factor: Option<f32>,
     /// The factor of the pipeline.
     factor: Option<f32>,
+    /// Also counts images at which the network failed, because they may forget the state.
     runs: u64,
     pools: Pools,
 }
@@ -149,7 +150,8 @@ impl Model {
         self.pipeline.size()
     }
 
-    /// How many images were processed.
+    /// How many images were given to the network, also those at which it failed. If it is unchanged, no one else has used
+    /// the model, and its state is the one that the last image left.
     #[must_use]
     pub fn runs(&self) -> u64 {
         self.runs
