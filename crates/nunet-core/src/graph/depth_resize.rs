@@ -52,6 +52,10 @@ impl DepthResize {
 
 impl Tap {
     fn mix(self, first: f32, second: f32) -> f32 {
+        // Zero times NaN or infinity would be NaN.
+        if self.weight == 0.0 {
+            return first;
+        }
         // Exact where both are equal, unlike a weighted sum.
         first + self.weight * (second - first)
     }
@@ -102,6 +106,21 @@ mod tests {
         let mut target = [0.0; 8];
         DepthResize::of_part(part, (4, 3).into(), (4, 2).into()).fill(&source, &mut target);
         assert_eq!(target, [1.0, 1.5, 2.5, 3.0, 1.0, 1.5, 2.5, 3.0]);
+    }
+
+    #[test]
+    fn neighbors_without_weight_have_no_influence() {
+        let (nan, infinite) = (f32::NAN, f32::INFINITY);
+        let source = [1.0, nan, 2.0, infinite, 3.0, nan, infinite, 4.0, 5.0];
+        let mut target = [0.0; 81];
+        DepthResize::new(ImageSize::new(3, 3), ImageSize::new(9, 9)).fill(&source, &mut target);
+        // The center of each source pixel is the center of three by three target pixels.
+        for (index, expected) in source.into_iter().enumerate() {
+            let value = target[(3 * (index / 3) + 1) * 9 + 3 * (index % 3) + 1];
+            assert_eq!(value.to_bits(), expected.to_bits(), "{index}: {value}");
+        }
+        assert_eq!(target[0], 1.0, "the border is repeated");
+        assert!(target[2].is_nan(), "between 1.0 and NaN");
     }
 
     #[test]
