@@ -24,8 +24,9 @@ const VERSION: u32 = 1;
 /// The name of [`image`].
 const IMAGE: &str = "nunet-selftest-1";
 
-/// A tolerance that is larger than this and than all depths of the answer would let any answer pass.
-const MIN_TOLERANCE_LIMIT: f32 = 1.0;
+/// A tolerance that is larger than this and than all depths of the answer would let any answer pass. Not 0, because depth
+/// without a unit may be 0 everywhere, and not 1, because depth of `minmax` is at most 1.
+const MIN_TOLERANCE_LIMIT: f32 = 0.01;
 
 /// The expected answer in a model file.
 #[derive(Debug, Clone, PartialEq)]
@@ -345,6 +346,22 @@ mod tests {
             let mut bad = good.clone();
             bad[key] = value;
             assert!(SelfTest::parse(&bad.to_string()).is_err(), "{key}");
+        }
+    }
+
+    #[test]
+    fn a_tolerance_that_lets_any_depth_pass_is_refused_also_for_small_depth() {
+        let parse = |depth: f32, tolerance: f32| {
+            let file = serde_json::json!({
+                "version": 1, "picture": IMAGE, "precision": "fp32", "depth": vec![vec![depth; 8]; 6],
+                "tolerance": {"fp32": {"depth": tolerance, "label_cells": 0}},
+            });
+            SelfTest::parse(&file.to_string())
+        };
+        assert!(parse(0.5, 0.4).is_ok() && parse(0.0, 0.001).is_ok());
+        for (depth, tolerance) in [(0.5, 0.6), (0.5, 1.0), (-0.5, 0.6), (0.0, 0.1)] {
+            let error = parse(depth, tolerance).unwrap_err();
+            assert!(error.starts_with("a tolerance is larger than the answers"), "{error}");
         }
     }
 }
