@@ -202,28 +202,49 @@ fn the_state_of_a_stage_is_described_in_its_own_file() {
     assert!(message.contains("cannot use the description of the model `"), "{message}");
 }
 
-/// What a memory's file promises and what it computes may differ: an error of the run, and the memory stays whole.
-#[test]
-fn state_of_another_shape_than_declared_is_an_error_of_the_run() {
+/// Remembers where the image is not 0: two places by its declaration, but as many as there are. Depth is the sum of the
+/// places of the image before. The state is made of `tensor`: `where` of shape [1, n], or `places` of shape [n].
+fn remembering_places(tensor: &str) -> ModelBuilder {
     let shape: &[i64] = &[1, 1, 3, 6];
     let model = ModelBuilder::new()
         .input("rgb", OnnxElement::U8, &[1, 3, 6, 3])
         .input("kept_in", OnnxElement::F32, &[2])
         .constant_i64("shape", &[4], shape)
-        .constant_f32("one", &[1, 1, 1, 1], &[1.0])
-        .node("Expand", &["one", "shape"], &["depth"], &[])
+        .constant_i64("line", &[1], &[-1])
+        .node("ReduceSum", &["kept_in"], &["sum"], &[])
+        .node("Expand", &["sum", "shape"], &["depth"], &[])
         .node("Cast", &["rgb"], &["float"], &[("to", 1.into())])
-        .node("NonZero", &["float"], &["where"], &[])
-        .node("Cast", &["where"], &["kept_out"], &[("to", 1.into())])
+        .node("Reshape", &["float", "line"], &["values"], &[])
+        .node("NonZero", &["values"], &["where"], &[])
+        .node("Reshape", &["where", "line"], &["places"], &[])
+        .node("Cast", &[tensor], &["kept_out"], &[("to", 1.into())])
         .output("depth", OnnxElement::F32, shape)
         .output("kept_out", OnnxElement::F32, &[2])
         .metadata("nunet.state", r#"[{"input": "kept_in", "output": "kept_out", "shape": [2]}]"#);
-    let folder = Folder::new().model("liar.onnx", &models::describe(model, "liar", false));
-    match folder.load("liar.onnx") {
-        Err(error) => drop(refusal(Err(error))),
-        Ok(mut graph) => {
-            let message = fail(&mut graph, &image(SIZE));
-            assert!(message.starts_with("stage `network` failed: "), "{message}");
-        }
+    models::describe(model, "places", false)
+}
+
+#[test]
+fn state_whose_computed_shape_is_not_the_declared_one_is_refused_at_load() {
+    let message = message(&remembering_places("where"));
+    let says = "the output `kept_out` of float32 [2], but its file has it of float32 [";
+    assert!(message.contains(says), "{message}");
+}
+
+#[test]
+fn state_of_another_shape_than_declared_is_an_error_of_the_run() {
+    let image_with = |places: &[usize]| {
+        let mut rgb = vec![0; image(SIZE).len()];
+        places.iter().for_each(|&place| rgb[place] = 1);
+        rgb
+    };
+    let mut graph = load(&remembering_places("places"));
+    run(&mut graph, &image_with(&[3, 5]));
+    assert_eq!(floats(&graph, "network.kept_out"), [3.0, 5.0]);
+    let none: &[usize] = &[];
+    for places in [none, &[7], &[7, 8, 9]] {
+        let message = fail(&mut graph, &image_with(places));
+        assert!(message.starts_with("stage `network` failed: ") && message.contains("kept_out"), "{message}");
     }
+    assert_eq!(run(&mut graph, &image_with(&[0, 1])).depth, [8.0; 18], "that of the last good run");
 }
