@@ -9,7 +9,7 @@ use rustix::fs::OFlags;
 use serde::Serialize;
 
 use crate::error::FilesError;
-use crate::whole::write_whole;
+use crate::whole::write_result;
 
 /// Checks before a long run that a file can be written at its end. A file that did not exist does not exist afterwards.
 ///
@@ -56,7 +56,7 @@ fn is_named_pipe(path: &Path) -> bool {
 /// The file cannot be written.
 pub fn write_json(path: &Path, value: &impl Serialize) -> Result<(), FilesError> {
     let text = serde_json::to_string_pretty(value).map_err(FilesError::write_file(path))?;
-    write_whole(path, |file| Ok(writeln!(file, "{text}")?))
+    write_result(path, |file| Ok(writeln!(file, "{text}")?))
 }
 
 #[cfg(test)]

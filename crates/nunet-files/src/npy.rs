@@ -8,7 +8,7 @@ use nunet_types::ImageSize;
 
 use crate::error::FilesError;
 use crate::png::check_count;
-use crate::whole::write_whole;
+use crate::whole::write_result;
 
 /// The longest array that [`read_npy`] accepts: a depth map of 8192x8192 pixels.
 pub const MAX_NPY_BYTES: u64 = 256 << 20;
@@ -34,7 +34,7 @@ pub fn read_npy(file: impl Read) -> Result<(Vec<f32>, ImageSize), Box<dyn std::e
 /// # Errors
 /// The file cannot be written, or `depth` has another number of pixels than `size`.
 pub fn write_npy(path: &Path, depth: &[f32], size: ImageSize) -> Result<(), FilesError> {
-    write_whole(path, |file| {
+    write_result(path, |file| {
         check_count(depth.len(), size)?;
         let shape = [size.height.into(), size.width.into()];
         let options = npyz::WriteOptions::new().default_dtype().shape(&shape);

@@ -6,14 +6,14 @@ use std::path::Path;
 use nunet_types::CloudPoint;
 
 use crate::error::FilesError;
-use crate::whole::write_whole;
+use crate::whole::write_result;
 
 /// Writes the points that have a position, in the optical frame; meters where `metric`.
 ///
 /// # Errors
 /// The file cannot be written.
 pub fn write_cloud(path: &Path, points: &[CloudPoint], metric: bool) -> Result<(), FilesError> {
-    write_whole(path, |file| Ok(write_to(file, points, metric)?))
+    write_result(path, |file| Ok(write_to(file, points, metric)?))
 }
 
 fn write_to(out: &mut impl Write, points: &[CloudPoint], metric: bool) -> std::io::Result<()> {

@@ -1,6 +1,6 @@
 //! Atomic file writes: a file is complete or does not exist.
 
-use std::fs::{File, Metadata};
+use std::fs::File;
 use std::io::{BufWriter, ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 
@@ -8,8 +8,8 @@ use image::{DynamicImage, ImageFormat};
 
 use crate::error::{Cause, FilesError};
 
-/// Writes a file under a temporary name beside it, and renames it when it is complete: a full disk or an
-/// error leaves neither half a file nor a changed one. An existing device or pipe is written directly.
+/// Writes a file under a temporary name beside it, and renames it when it is complete: a full disk, an error or a power
+/// loss leaves neither half a file nor a changed one. Waits for the disk. An existing device or pipe is written directly.
 ///
 /// # Errors
 /// The file cannot be written, or `write` fails.
@@ -17,45 +17,62 @@ pub fn write_whole(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> Result<(), Cause>,
 ) -> Result<(), FilesError> {
-    place(path, write).map_err(FilesError::write_file(path))
+    place(path, write, File::sync_all).map_err(FilesError::write_file(path))
 }
 
-/// Writes a PNG file, as [`write_whole`] does.
+/// Writes a file of results, as [`write_whole`] does, but does not wait for the disk, because there may be several for each
+/// frame. After a power loss, those of the last seconds may be incomplete.
+pub(crate) fn write_result(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> Result<(), Cause>,
+) -> Result<(), FilesError> {
+    place(path, write, |_| Ok(())).map_err(FilesError::write_file(path))
+}
+
+/// Writes a PNG file, as [`write_result`] does.
 pub(crate) fn write_png(path: &Path, image: impl Into<DynamicImage>) -> Result<(), FilesError> {
     let image = image.into();
-    write_whole(path, |file| Ok(image.write_to(file, ImageFormat::Png)?))
+    write_result(path, |file| Ok(image.write_to(file, ImageFormat::Png)?))
 }
 
-fn place(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> Result<(), Cause>) -> Result<(), Cause> {
+/// `sync` is called with the complete file, before it gets its name.
+fn place(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> Result<(), Cause>,
+    sync: impl FnOnce(&File) -> std::io::Result<()>,
+) -> Result<(), Cause> {
     // A link stays a link, and what it points to is replaced.
     let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
     let existing = path.metadata().ok();
     if existing.as_ref().is_some_and(|existing| !existing.is_file()) {
-        return fill(File::create(&path)?, write);
+        fill(File::create(&path)?, write)?;
+        return Ok(());
     }
     let temporary = Temporary(beside(&path));
     match File::create(&temporary.0) {
         Ok(file) => {
-            fill(file, write)?;
-            temporary.rename(&path, existing.as_ref())
+            let file = fill(file, write)?;
+            if let Some(existing) = existing {
+                file.set_permissions(existing.permissions())?;
+            }
+            sync(&file)?;
+            temporary.rename(&path)
         }
         // A file may be writable in a folder that is not.
         Err(error) if error.kind() == ErrorKind::PermissionDenied && existing.is_some() => {
-            fill(File::create(&path)?, write)
+            Ok(sync(&fill(File::create(&path)?, write)?)?)
         }
         Err(error) => Err(error.into()),
     }
 }
 
-fn fill(file: File, write: impl FnOnce(&mut BufWriter<File>) -> Result<(), Cause>) -> Result<(), Cause> {
+/// Returns the written file.
+fn fill(file: File, write: impl FnOnce(&mut BufWriter<File>) -> Result<(), Cause>) -> Result<File, Cause> {
     let mut file = BufWriter::new(file);
-    let written = write(&mut file);
+    let written = write(&mut file).and_then(|()| Ok(file.flush()?));
     // A failed write must not be tried again when the buffer is dropped.
-    if written.is_err() {
-        drop(file.into_parts());
-        return written;
-    }
-    Ok(file.flush()?)
+    let (file, _) = file.into_parts();
+    written.map(|()| file)
 }
 
 /// Hidden, so that nothing that lists the folder takes it for a result.
@@ -68,10 +85,7 @@ fn beside(path: &Path) -> PathBuf {
 struct Temporary(PathBuf);
 
 impl Temporary {
-    fn rename(self, path: &Path, existing: Option<&Metadata>) -> Result<(), Cause> {
-        if let Some(existing) = existing {
-            std::fs::set_permissions(&self.0, existing.permissions())?;
-        }
+    fn rename(self, path: &Path) -> Result<(), Cause> {
         std::fs::rename(&self.0, path)?;
         std::mem::forget(self);
         Ok(())
