@@ -16,7 +16,7 @@ use nunet_core::obstacle::{DepthImage, Mount};
 use nunet_core::pipeline::{Outputs, Pipeline};
 use nunet_core::scale::FloorGauge;
 use nunet_source::{BitDepthCheck, CameraNews, CameraResolver, Frame, Rotator, decode};
-use nunet_types::{ImageSize, text_with_causes};
+use nunet_types::{ImageSize, PixelRect, text_with_causes};
 
 use self::agreement::{Observation, least_relative_error};
 use self::readings::Reading;
@@ -282,8 +282,10 @@ impl Calibrator {
         let patch = around(row, size.height)
             .flat_map(|row| self.depth_m[row * stride..][around(column, size.width)].iter().copied());
         let known: Vec<f64> = patch.filter(|depth| depth.is_finite()).map(f64::from).collect();
-        let rays = RayTable::new(self.pipeline.points_camera());
-        let [x, y] = rays.rays()[row * stride + column].map(f64::from);
+        // The table of this pixel alone: one of the whole image takes milliseconds.
+        let pixel = PixelRect { x: column as u32, y: row as u32, width: 1, height: 1 };
+        let ray = RayTable::new(&self.pipeline.points_camera().cropped(pixel));
+        let [x, y] = ray.rays()[0].map(f64::from);
         let true_m = point.distance_m / (x * x + y * y + 1.0).sqrt();
         Ok(median(known).map(|predicted_m| true_m / predicted_m))
     }
