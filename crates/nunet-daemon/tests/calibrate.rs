@@ -130,6 +130,26 @@ fn readings_give_a_factor_and_contradicting_ones_are_refused_by_line() {
 }
 
 #[test]
+fn readings_that_the_network_does_not_see_are_skipped_with_a_warning() {
+    let (bench, depth_m) = bench_with_images();
+    // Its sides are cropped, because the network has another aspect ratio.
+    let wide = image::RgbImage::from_pixel(2 * SIZE.0, SIZE.1, image::Rgb([90, 120, 60]));
+    wide.save(bench.path("images/wide.png")).unwrap();
+    let mut table = "image,u,v,distance\n".to_owned();
+    for (name, column) in [("a", 319.5), ("b", 319.5), ("wide", 1.0), ("c", 319.5), ("wide", 1278.0)] {
+        table += &format!("images/{name}.png,{column},239.5,{}\n", FACTOR * depth_m);
+    }
+    std::fs::write(bench.path("pairs.csv"), table).unwrap();
+    let (model, pairs) = (bench.arg("model.onnx"), bench.arg("pairs.csv"));
+    let output = run_well(nunetd(&["calibrate", "--model", &model, "--json", "--pairs", &pairs]));
+    assert_factor(&serde_json::from_slice(&output.stdout).unwrap(), 3);
+    let expected =
+        "readings outside the part of the image that the network sees are skipped: 2, the first in line 4";
+    let stderr = text(&output.stderr);
+    assert!(stderr.contains(expected), "{stderr}");
+}
+
+#[test]
 fn true_depth_gives_a_factor() {
     let (bench, depth_m) = bench_with_images();
     let folder = bench.path("truth");

@@ -19,7 +19,7 @@ use nunet_source::{BitDepthCheck, CameraNews, CameraResolver, Frame, Rotator, de
 use nunet_types::{ImageSize, PixelRect, text_with_causes};
 
 use self::agreement::{Observation, least_relative_error};
-use self::readings::Reading;
+use self::readings::{Reading, SkippedReadings};
 use crate::comparison::TruthRange;
 use crate::dataset::{Dataset, refuse_own_depth, report_dim};
 use crate::error::{EvalError, hint_of_chain};
@@ -146,7 +146,7 @@ impl Calibrator {
     }
 
     /// Compares with a table of readings: CSV with the columns `image` (a file, relative to the table), `u`, `v` (pixels) and
-    /// `distance` (meters).
+    /// `distance` (meters). Readings that the network does not see, or where it has no depth, are reported and skipped.
     ///
     /// # Errors
     /// A table or an image that cannot be used.
@@ -163,6 +163,7 @@ impl Calibrator {
         let mut frame = Frame::default();
         let mut rotator = self.resolver.rotation().map(Rotator::new);
         let mut bit_depth = BitDepthCheck::default();
+        let mut skipped = SkippedReadings::default();
         for (image, readings) in by_image {
             let (line, name) = (readings.first().map_or(0, |reading| reading.line), ImageName::from(&*image));
             let decoded = decode(&image, &mut frame).and_then(|decoded| {
@@ -176,19 +177,32 @@ impl Calibrator {
             })?;
             self.predict_and_report(&frame, on_event)?;
             for reading in readings {
-                let factor = match self.at_point(&reading.point, frame.size) {
-                    Err(CalibrateError::OutsideView { .. }) => None,
-                    Err(error @ CalibrateError::Outside { .. }) => {
+                self.add_reading(&reading, frame.size, &mut skipped).map_err(|error| match error {
+                    CalibrateError::Outside { .. } => {
                         let reason = format!("line {}: {error}", reading.line);
-                        return Err(CalibrateError::Readings { path: path.to_owned(), reason });
+                        CalibrateError::Readings { path: path.to_owned(), reason }
                     }
-                    other => other?,
-                };
-                self.observe(format!("line {}", reading.line), factor);
+                    other => other,
+                })?;
             }
             on_event(Event::Advanced);
         }
         on_event(Event::Finished);
+        skipped.report(on_event);
+        Ok(())
+    }
+
+    fn add_reading(
+        &mut self,
+        reading: &Reading,
+        image: ImageSize,
+        skipped: &mut SkippedReadings,
+    ) -> Result<(), CalibrateError> {
+        match self.at_point(&reading.point, image) {
+            Err(CalibrateError::OutsideView { .. }) => skipped.outside_view.push(reading.line),
+            Ok(None) => skipped.without_depth.push(reading.line),
+            found => self.observe(format!("line {}", reading.line), found?),
+        }
         Ok(())
     }
 

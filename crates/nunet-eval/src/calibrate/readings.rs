@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::{CalibrateError, Point};
+use crate::event::{Event, OnEvent};
 use crate::text_file::read_list;
 
 /// The distance of a point in an image.
@@ -14,6 +15,31 @@ pub(super) struct Reading {
     pub(super) point: Point,
     /// Its line in the table.
     pub(super) line: u64,
+}
+
+/// The lines of readings that give no factor.
+#[derive(Debug, Default)]
+pub(super) struct SkippedReadings {
+    /// The point is outside the part of the image that the network sees.
+    pub(super) outside_view: Vec<u64>,
+    /// The network has no depth around the point.
+    pub(super) without_depth: Vec<u64>,
+}
+
+impl SkippedReadings {
+    /// One warning for each reason.
+    pub(super) fn report(&self, on_event: OnEvent<'_>) {
+        for (lines, which) in [
+            (&self.outside_view, "outside the part of the image that the network sees"),
+            (&self.without_depth, "where the network has no depth"),
+        ] {
+            if let Some(first) = lines.iter().min() {
+                let count = lines.len();
+                let text = format!("readings {which} are skipped: {count}, the first in line {first}");
+                on_event(Event::Warning(&text));
+            }
+        }
+    }
 }
 
 const COLUMNS: [&str; 4] = ["image", "u", "v", "distance"];
