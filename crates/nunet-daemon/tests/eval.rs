@@ -98,18 +98,24 @@ fn obstacles_of_a_network_that_is_right_are_those_of_the_truth() {
 fn each_image_may_have_its_own_camera() {
     let bench = dataset(0);
     // The network of these images was made for a camera of another focal length, so meters scale with that of each image.
-    let scaled = |fx_a: f64, fx_b: f64| {
-        let row = |id: &str, fx: f64| format!("{id},{fx},{fx},320,240,640,480\n");
-        let rows = format!("id,fx,fy,cx,cy,width,height\n{}{}", row("a", fx_a), row("b", fx_b));
+    let scaled = |cameras: &[(&str, f64)]| {
+        let row = |(id, fx): &(&str, f64)| format!("{id},{fx},{fx},320,240,640,480\n");
+        let rows: String = cameras.iter().map(row).collect();
+        let rows = format!("id,fx,fy,cx,cy,width,height\n{rows}");
         std::fs::write(bench.path("data/intrinsics.csv"), rows).unwrap();
         let (data, model) = (bench.arg("data"), bench.arg("model.onnx"));
         let output = run_well(nunetd(&["-q", "eval", &data, "--model", &model, "--json"]));
         let found: Value = serde_json::from_slice(&output.stdout).unwrap();
-        assert_eq!(found["scale_source"], "focal_scaled");
-        found["metrics"]["rmse"].as_f64().unwrap()
+        (found["metrics"]["rmse"].as_f64().unwrap(), found["scale_source"].as_str().unwrap().to_owned())
     };
-    let [both, one, none] = [scaled(500.0, 500.0), scaled(500.0, 600.0), scaled(600.0, 600.0)];
+    let pairs = [(500.0, 500.0), (500.0, 600.0), (600.0, 600.0)];
+    let [both, one, none] = pairs.map(|(fx_a, fx_b)| {
+        let (rmse, source) = scaled(&[("a", fx_a), ("b", fx_b)]);
+        assert_eq!(source, "focal_scaled");
+        rmse
+    });
     assert!(both != one && one != none && both != none, "{both} {one} {none}");
+    assert_eq!(scaled(&[("a", 500.0)]).1, "mixed", "the camera of b is assumed");
 }
 
 #[test]

@@ -186,7 +186,7 @@ impl Evaluation {
         if let Some(baseline) = &mut self.baseline {
             baseline.add(id, &truth.depth_m, truth.size)?;
         }
-        self.rows.push(ImageRow::new(id, &alone));
+        self.rows.push(ImageRow::new(id, &alone, self.pipeline.scale().source));
         Ok(())
     }
 
@@ -256,6 +256,7 @@ impl Evaluation {
                 protocol: self.options.protocol,
                 images: self.rows.len() as u64,
                 skipped: self.skipped,
+                scale_source: report::scale_source(&self.rows),
             },
             &self.pipeline,
             &self.comparison,

@@ -5,7 +5,7 @@ use std::path::Path;
 use nunet_core::pipeline::Pipeline;
 use nunet_engine::ModelName;
 use nunet_files::write_whole;
-use nunet_types::CONTRACT_VERSION;
+use nunet_types::{CONTRACT_VERSION, ScaleSource};
 use serde::Serialize;
 
 use crate::baseline::{Baseline, BaselineSource};
@@ -97,6 +97,8 @@ pub(crate) struct Measured {
     pub(crate) protocol: Protocol,
     pub(crate) images: u64,
     pub(crate) skipped: u64,
+    /// As [`scale_source`] returns it.
+    pub(crate) scale_source: &'static str,
 }
 
 impl Report {
@@ -107,7 +109,6 @@ impl Report {
         labels: &LabelMetrics,
         baseline: Option<&Baseline>,
     ) -> Self {
-        let scale = pipeline.scale();
         Self {
             contract: CONTRACT_VERSION,
             model: what.model,
@@ -115,8 +116,8 @@ impl Report {
             dataset: what.dataset,
             protocol: what.protocol.name(),
             depth_cap_m: comparison.cap_m(),
-            units: scale.units.name(),
-            scale_source: scale.source.name(),
+            units: pipeline.scale().units.name(),
+            scale_source: what.scale_source,
             filters: pipeline.filters().specs().map(|filter| filter.to_string()).collect(),
             pictures: what.images,
             skipped: what.skipped,
@@ -237,15 +238,17 @@ fn sparsification_lines(scores: &SparsificationScores) -> String {
 pub(crate) struct ImageRow {
     pub(crate) id: String,
     metric: bool,
+    scale_source: ScaleSource,
     depth: Option<DepthScores>,
     minmax: Option<Stretched>,
 }
 
 impl ImageRow {
-    pub(crate) fn new(id: &str, alone: &Comparison) -> Self {
+    pub(crate) fn new(id: &str, alone: &Comparison, scale_source: ScaleSource) -> Self {
         Self {
             id: id.to_owned(),
             metric: alone.kind() == DepthKind::Metric,
+            scale_source,
             depth: alone.depth.scores(),
             minmax: Stretched::of(&alone.minmax),
         }
@@ -261,6 +264,15 @@ impl ImageRow {
     pub(crate) fn caption(&self) -> String {
         let unit = if self.metric { " m" } else { " of the image's range" };
         format!("{}, rmse {:.3}{unit}", self.id, self.error())
+    }
+}
+
+/// Where the scale of all images comes from: `mixed` if it differs, because only some have a camera or show enough floor.
+pub(crate) fn scale_source(rows: &[ImageRow]) -> &'static str {
+    let mut sources = rows.iter().map(|row| row.scale_source);
+    match sources.next() {
+        Some(first) if sources.all(|source| source == first) => first.name(),
+        _ => "mixed",
     }
 }
 
