@@ -9,6 +9,8 @@ use crate::comparison::stretched;
 
 /// Width of one image on the sheet.
 const CELL_WIDTH: u32 = 320;
+/// The largest height of one image. A taller one is squeezed, because all rows of the sheet are in memory at once.
+const MAX_CELL_HEIGHT: u32 = 4 * CELL_WIDTH;
 const GAP: u32 = 6;
 const CAPTION_HEIGHT: u32 = 18;
 const PAPER: Rgb<u8> = Rgb([255, 255, 255]);
@@ -51,7 +53,7 @@ pub(crate) struct SheetRow<'a> {
 impl SheetRow<'_> {
     /// The four images of the row side by side, its caption above them.
     pub(crate) fn strip(&self) -> RgbImage {
-        let height = CELL_WIDTH * self.size.height / self.size.width;
+        let height = self.cell_height();
         let mut strip = RgbImage::from_pixel(WIDTH, height + CAPTION_HEIGHT + GAP, PAPER);
         draw_text(&mut strip, &self.caption, GAP, 2);
         for (column, cell) in (0..).zip(self.cells().into_iter().flatten()) {
@@ -59,6 +61,13 @@ impl SheetRow<'_> {
             replace(&mut strip, &cell, i64::from(left_of(column)), i64::from(CAPTION_HEIGHT));
         }
         strip
+    }
+
+    /// Follows the aspect ratio, from 1 to [`MAX_CELL_HEIGHT`].
+    fn cell_height(&self) -> u32 {
+        let ImageSize { width, height } = self.size;
+        let exact = u64::from(CELL_WIDTH) * u64::from(height) / u64::from(width);
+        exact.clamp(1, u64::from(MAX_CELL_HEIGHT)) as u32
     }
 
     fn cells(&self) -> Option<[RgbImage; 4]> {
@@ -146,5 +155,22 @@ mod tests {
         assert_eq!(image.get_pixel(8, 50), &Rgb([10, 20, 30]));
         let right_of_prediction = 6 + 2 * 326 + 318;
         assert_eq!(image.get_pixel(right_of_prediction, 50), &Rgb([150; 3]), "none is gray");
+    }
+
+    #[test]
+    fn very_tall_and_very_wide_images_have_a_limited_height() {
+        for (size, expected) in [((1, 20_000), 1280), ((20_000, 1), 1), ((640, 480), 240), ((1, 4), 1280)] {
+            let size = ImageSize::from(size);
+            let (rgb, depth) = (vec![9; 3 * size.pixel_count()], vec![1.0; size.pixel_count()]);
+            let row = SheetRow {
+                caption: String::new(),
+                size,
+                rgb: &rgb,
+                truth: &depth,
+                predicted: &depth,
+                metric: true,
+            };
+            assert_eq!(row.strip().height(), expected + 18 + 6, "{size}");
+        }
     }
 }
