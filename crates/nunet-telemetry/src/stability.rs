@@ -47,9 +47,11 @@ impl StabilityTotals {
         self.limit = limit;
     }
 
-    /// Adds a frame: its drift and flicker, `None` if they are unknown, which starts the recent values again.
+    /// Adds a frame: its drift and flicker, `None` if they are unknown, which starts the recent values again. So do values that
+    /// are not finite: one of them would remain in all later means.
     pub fn add(&mut self, change: Option<Stability>) {
-        let Some(Stability { drift, flicker }) = change else {
+        let is_finite = |change: &Stability| change.drift.is_finite() && change.flicker.is_finite();
+        let Some(Stability { drift, flicker }) = change.filter(is_finite) else {
             self.in_a_row = 0;
             return;
         };
@@ -133,6 +135,20 @@ mod tests {
         after = totals(frames);
         assert_eq!(after.recent(), Some(QUIET), "the earlier frames do not count");
         assert_eq!(after.summary().frames, 16);
+    }
+
+    #[test]
+    fn values_that_are_not_finite_are_unknown() {
+        let change = Stability { drift: 0.25, flicker: 0.5 };
+        for wrong in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            for bad in [Stability { drift: wrong, ..change }, Stability { flicker: wrong, ..change }] {
+                let after = totals([change, bad].into_iter().chain([change; 8]).map(Some));
+                assert_eq!(after.recent(), Some(change));
+                let StabilitySummary { frames, drift, flicker, .. } = after.summary();
+                assert_eq!((frames, drift, flicker), (9, Some(0.25), Some(0.5)));
+                assert_eq!(totals([change; 7].into_iter().chain([bad]).map(Some)).recent(), None);
+            }
+        }
     }
 
     #[test]
