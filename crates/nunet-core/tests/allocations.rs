@@ -197,6 +197,24 @@ fn obstacles_allocate_nothing() {
 }
 
 #[test]
+fn a_mount_that_was_used_before_allocates_nothing() {
+    let camera = Camera::pinhole(Intrinsics::new(50.0, 50.0, 31.5, 23.5, SIZE.width, SIZE.height).unwrap());
+    let mounts = [0.0, 0.3, -0.2].map(|pitch| Mount::new([0.0, 0.0, 0.5], [0.05, pitch, 0.1]).unwrap());
+    let options = ObstacleOptions { hold_s: 1.0, ..ObstacleOptions::default() };
+    let mut detector = ObstacleDetector::new(&camera, mounts[0], &["floor".to_owned()], options).unwrap();
+    mounts.iter().for_each(|&mount| detector.set_mount(mount));
+    let depth_m = vec![1.0; (SIZE.width * SIZE.height) as usize];
+    let image = DepthImage { depth_m: &depth_m, labels: None, confidence: None };
+    let allocations = allocations_during(|| {
+        for (time, &mount) in mounts.iter().chain(&mounts).enumerate() {
+            detector.set_mount(mount);
+            detector.detect(&image, time as i64).unwrap();
+        }
+    });
+    assert_eq!(allocations, 0);
+}
+
+#[test]
 fn the_counter_counts() {
     assert_eq!(allocations_during(|| drop(std::hint::black_box(vec![1_u8]))), 1);
 }

@@ -128,6 +128,8 @@ pub(super) struct Memory {
     hold_nanos: i64,
     /// For each sector the last obstacle that was seen, and when.
     seen: Vec<Option<(i64, ObstacleSector)>>,
+    /// That of the sectors before.
+    turned: Vec<Option<(i64, ObstacleSector)>>,
 }
 
 /// An obstacle leaves the image at the bottom if it was last seen nearer than this times the nearest visible floor.
@@ -135,24 +137,24 @@ const LEAVES_BELOW: f32 = 1.5;
 
 impl Memory {
     pub(super) fn new(hold_s: f32, sectors: usize) -> Self {
-        Self { hold_nanos: (f64::from(hold_s) * 1e9) as i64, seen: vec![None; sectors] }
+        let hold_nanos = (f64::from(hold_s) * 1e9) as i64;
+        Self { hold_nanos, seen: vec![None; sectors], turned: vec![None; sectors] }
     }
 
     pub(super) fn clear(&mut self) {
         self.seen.fill(None);
     }
 
-    /// Moves what is remembered from the sectors of one view to those of another.
+    /// Moves what is remembered from the sectors of one view to those of another, which are as many.
     pub(super) fn turn(&mut self, from: &Sectors, to: &Sectors) {
         if self.hold_nanos == 0 {
             return;
         }
-        let seen = std::mem::take(&mut self.seen);
-        let old = |sector: usize| {
+        std::mem::swap(&mut self.seen, &mut self.turned);
+        for (sector, seen) in self.seen.iter_mut().enumerate() {
             let [x, y] = to.middle(sector);
-            seen.get(from.at(x, y) as usize).copied().flatten()
-        };
-        self.seen = (0..to.count()).map(old).collect();
+            *seen = self.turned.get(from.at(x, y) as usize).copied().flatten();
+        }
     }
 
     /// Stores the obstacles of this frame, and restores those that left the image a short time ago.

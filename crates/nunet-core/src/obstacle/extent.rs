@@ -7,7 +7,7 @@
 use std::f32::consts::{PI, TAU};
 
 use super::kind::SLOPE_ERROR;
-use super::sectors::{Sample, Sectors, length};
+use super::sectors::{Direction, Sectors, length};
 use super::{Mount, ObstacleOptions};
 
 /// Lines per sector. An obstacle that fills a quarter of the sector meets one.
@@ -70,40 +70,19 @@ struct Polar {
     range_m: f32,
 }
 
-/// The lines of all sectors, counterclockwise.
-struct Lines {
+/// The lines of all sectors, counterclockwise, and what is seen of them. The buffers are kept, so that another mount
+/// allocates nothing.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Lines {
     extents: Vec<Extent>,
+    /// The floor that every [`STEP`]th sample of every [`STEP`]th row looks at, and the point at the clearance.
+    points: Vec<[Polar; 2]>,
     /// The direction in the middle of the sectors, radians, and their number up to there.
     middle_rad: f32,
     middle: f32,
     /// Lines per radian, and in a full circle.
     per_rad: f32,
     circle: i64,
-}
-
-/// Between which distances the whole width of each sector is in view. Cells at a distance are `cell_growth` times its square
-/// long.
-pub(super) fn extents(
-    samples: &[Sample],
-    columns: usize,
-    sectors: &Sectors,
-    plane: &Plane,
-    cell_growth: f32,
-) -> Vec<Extent> {
-    let mut lines = Lines::new(sectors);
-    let rows: Vec<&[Sample]> = samples.chunks(columns.max(1)).collect();
-    let point = |sample: &Sample| plane.points(sample.direction).map(|point| lines.polar(point));
-    let every = |row: &&[Sample]| spread(row.len()).map(|column| point(&row[column])).collect();
-    let points: Vec<Vec<[Polar; 2]>> = spread(rows.len()).map(|row| every(&rows[row])).collect();
-    for (row, below) in points.iter().zip(points.iter().skip(1)) {
-        for (left, right) in row.iter().zip(&row[1..]) {
-            lines.see(left, right);
-        }
-        for (above, below) in row.iter().zip(below) {
-            lines.see(above, below);
-        }
-    }
-    lines.extents.chunks(LINES).map(|lines| Extent::of_lines(lines, cell_growth)).collect()
 }
 
 /// Every [`STEP`]th index, and the last one.
@@ -135,7 +114,7 @@ impl Plane {
     }
 
     /// Where a ray meets the floor, and where it is at the clearance. NaN for a ray that does not meet the floor.
-    fn points(&self, [x, y, z]: [f32; 3]) -> [[f32; 2]; 2] {
+    fn points(&self, [x, y, z]: Direction) -> [[f32; 2]; 2] {
         let norm = length(x, y);
         let tangent = -z / norm;
         let floor_m = if tangent > 0.0 { self.camera[2] / tangent } else { f32::NAN };
@@ -147,17 +126,46 @@ impl Plane {
 }
 
 impl Lines {
-    fn new(sectors: &Sectors) -> Self {
-        let count = LINES * sectors.count();
-        let per_rad = LINES as f32 / sectors.angle_step_rad;
-        let middle = 0.5 * count as f32;
-        Self {
-            extents: vec![Extent::NOTHING; count],
-            middle_rad: sectors.angle_min_rad + middle / per_rad,
-            middle,
-            per_rad,
-            circle: (TAU * per_rad).round() as i64,
+    /// Fills `extents`: between which distances the whole width of each sector is in view. `samples` are in rows of `columns`.
+    /// Cells at a distance are `cell_growth` times its square long.
+    pub(super) fn find_extents(
+        &mut self,
+        (samples, columns): (&[Direction], usize),
+        sectors: &Sectors,
+        plane: &Plane,
+        cell_growth: f32,
+        extents: &mut Vec<Extent>,
+    ) {
+        self.start(sectors);
+        let mut points = std::mem::take(&mut self.points);
+        points.clear();
+        for row in spread(samples.len() / columns.max(1)) {
+            let row = &samples[row * columns..][..columns];
+            points.extend(spread(columns).map(|column| plane.points(row[column]).map(|at| self.polar(at))));
         }
+        let rows = || points.chunks(spread(columns).count().max(1));
+        for (row, below) in rows().zip(rows().skip(1)) {
+            for (left, right) in row.iter().zip(&row[1..]) {
+                self.see(left, right);
+            }
+            for (above, below) in row.iter().zip(below) {
+                self.see(above, below);
+            }
+        }
+        self.points = points;
+        extents.clear();
+        extents.extend(self.extents.chunks(LINES).map(|lines| Extent::of_lines(lines, cell_growth)));
+    }
+
+    /// Begins with sectors of which nothing is seen.
+    fn start(&mut self, sectors: &Sectors) {
+        let count = LINES * sectors.count();
+        self.extents.clear();
+        self.extents.resize(count, Extent::NOTHING);
+        self.per_rad = LINES as f32 / sectors.angle_step_rad;
+        self.middle = 0.5 * count as f32;
+        self.middle_rad = sectors.angle_min_rad + self.middle / self.per_rad;
+        self.circle = (TAU * self.per_rad).round() as i64;
     }
 
     fn polar(&self, [x, y]: [f32; 2]) -> Polar {
@@ -205,6 +213,12 @@ mod tests {
         Extent { from_m, until_m }
     }
 
+    fn lines(sectors: &Sectors) -> Lines {
+        let mut lines = Lines::default();
+        lines.start(sectors);
+        lines
+    }
+
     #[test]
     fn a_sector_is_in_view_where_all_its_lines_are() {
         let whole = |lines: &[Extent]| Extent::of_lines(lines, 0.01);
@@ -230,7 +244,7 @@ mod tests {
 
     #[test]
     fn very_narrow_sectors_are_crossed_from_one_side_of_the_robot_to_the_other() {
-        let mut lines = Lines::new(&Sectors::new(-5e-4, 5e-4, 360));
+        let mut lines = lines(&Sectors::new(-5e-4, 5e-4, 360));
         let [right, left] = [[0.3, -0.4], [0.3, 0.4]].map(|point| [lines.polar(point); 2]);
         // This would take minutes if all lines between the two points were visited.
         for _ in 0..10_000 {
@@ -244,7 +258,7 @@ mod tests {
     #[test]
     fn lines_between_two_points_are_crossed_also_behind_the_camera() {
         let sectors = Sectors::new(-PI, PI, 2);
-        let mut lines = Lines::new(&sectors);
+        let mut lines = lines(&sectors);
         let point = |degrees: f32, range_m: f32| {
             let (sin, cos) = degrees.to_radians().sin_cos();
             [range_m * cos, range_m * sin]

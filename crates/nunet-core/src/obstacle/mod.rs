@@ -72,6 +72,7 @@ use ground::GroundFit;
 use kind::Bounds;
 pub(crate) use role::{Role, Roles};
 use scan::Scan;
+use sectors::Sectors;
 use view::View;
 
 use crate::camera::{Camera, RayTable};
@@ -129,6 +130,8 @@ pub struct ObstacleDetector {
     rays: RayTable,
     roles: Roles,
     view: View,
+    /// Those of the mount before.
+    last_sectors: Sectors,
     scan: Scan,
     ground: GroundFit,
     collector: Collector,
@@ -169,16 +172,18 @@ impl ObstacleDetector {
             obstacles,
             options,
             rays,
+            last_sectors: view.sectors.clone(),
             view,
         })
     }
 
     /// Takes another mount from the next frame on, such as that of a tilted robot ([`Mount::on_tilted_base`]). Computes the
-    /// tables again. Remembered obstacles keep their directions.
+    /// tables again; allocates only if the camera sees more floor than with any mount before. Remembered obstacles keep their
+    /// directions.
     pub fn set_mount(&mut self, mount: Mount) {
-        let view = View::new(&self.rays, &mount, &self.options);
-        self.memory.turn(&self.view.sectors, &view.sectors);
-        self.view = view;
+        std::mem::swap(&mut self.view.sectors, &mut self.last_sectors);
+        self.view.set_mount(&self.rays, &mount, &self.options);
+        self.memory.turn(&self.last_sectors, &self.view.sectors);
         self.scan.set_mount(&self.view, mount.position_m());
         self.ground.set_mount(&mount);
         self.obstacles.angle_min_rad = self.view.sectors.angle_min_rad;

@@ -1,6 +1,9 @@
-//! The sampled pixels, and the directions that their points are sorted into.
+//! The directions that the points of samples are sorted into.
 
 use std::f32::consts::TAU;
+
+/// The point of a sample at depth 1, relative to the camera, in the base frame; NaN for a pixel without a ray.
+pub(super) type Direction = [f32; 3];
 
 /// A sample without a cell, or without a sector.
 pub(super) const NONE: u32 = u32::MAX;
@@ -9,15 +12,6 @@ pub(super) const NONE: u32 = u32::MAX;
 #[inline]
 pub(super) fn length(x: f32, y: f32) -> f32 {
     (x * x + y * y).sqrt()
-}
-
-/// A sampled pixel, while the view is computed.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Sample {
-    /// The point at depth 1, relative to the camera, in the base frame; NaN for a pixel without a ray.
-    pub(super) direction: [f32; 3],
-    pub(super) cell: u32,
-    pub(super) sector: u32,
 }
 
 /// The directions of the sectors.
@@ -31,12 +25,20 @@ pub(super) struct Sectors {
 
 impl Sectors {
     pub(super) fn new(angle_min_rad: f32, angle_max_rad: f32, count: usize) -> Self {
-        let angle_step_rad = (angle_max_rad - angle_min_rad) / count as f32;
-        let boundary = |index: usize| {
+        let boundaries = vec![[0.0; 2]; count + 1];
+        let mut sectors = Self { angle_min_rad, angle_step_rad: 0.0, boundaries };
+        sectors.set_angles(angle_min_rad, angle_max_rad);
+        sectors
+    }
+
+    /// Takes other angles for the same number of sectors. Allocates nothing.
+    pub(super) fn set_angles(&mut self, angle_min_rad: f32, angle_max_rad: f32) {
+        let angle_step_rad = (angle_max_rad - angle_min_rad) / self.count() as f32;
+        for (index, boundary) in self.boundaries.iter_mut().enumerate() {
             let (sin, cos) = (angle_min_rad + index as f32 * angle_step_rad).sin_cos();
-            [cos, sin]
-        };
-        Self { angle_min_rad, angle_step_rad, boundaries: (0..=count).map(boundary).collect() }
+            *boundary = [cos, sin];
+        }
+        (self.angle_min_rad, self.angle_step_rad) = (angle_min_rad, angle_step_rad);
     }
 
     pub(super) fn count(&self) -> usize {

@@ -1,4 +1,5 @@
-//! Where each sampled pixel looks in the base frame. Computed once per camera and mount.
+//! Where each sampled pixel looks in the base frame. Computed once per camera and mount. Another mount takes the memory
+//! of the one before.
 //!
 //! The floor is divided into cells as the camera sees them: by sector, and within a sector by the tangent of the angle
 //! below the horizon, so that every cell has a few pixels near and far. A direction is free as far as its cells show
@@ -8,9 +9,9 @@ use std::f32::consts::{PI, TAU};
 
 use nalgebra::Vector3;
 
-use super::extent::{Extent, Plane, extents};
+use super::extent::{Extent, Lines, Plane};
 use super::ground::MAX_CANDIDATES;
-use super::sectors::{NONE, Sample, Sectors, length};
+use super::sectors::{Direction, NONE, Sectors, length};
 use super::{Mount, ObstacleOptions};
 use crate::camera::RayTable;
 
@@ -37,6 +38,7 @@ pub(super) struct Cell {
 }
 
 /// A sample that looks at floor within range.
+#[derive(Debug, Clone, Copy)]
 struct SeenFloor {
     sector: u32,
     /// From near to far.
@@ -44,6 +46,19 @@ struct SeenFloor {
     /// Of the sample.
     index: usize,
     range_m: f32,
+}
+
+/// What is used only while the tables are computed.
+#[derive(Debug, Clone, Default)]
+struct Work {
+    samples: Vec<Direction>,
+    seen: Vec<SeenFloor>,
+    /// By sector and band: the cell, and its number.
+    cells: Vec<Cell>,
+    numbers: Vec<u32>,
+    /// Angles between samples, radians.
+    angles_rad: Vec<f32>,
+    lines: Lines,
 }
 
 /// All samples of a camera's image, and the cells of the floor.
@@ -75,82 +90,97 @@ pub(super) struct View {
     pub(super) sectors: Sectors,
     /// Meters between the floor of two cells, divided by the square of their distance.
     pub(super) cell_growth: f32,
+    work: Work,
 }
 
 impl View {
     pub(super) fn new(rays: &RayTable, mount: &Mount, options: &ObstacleOptions) -> Self {
         let stride = rays.width().div_ceil(MAX_SAMPLES_PER_ROW).max(1) as usize;
         let width = rays.width() as usize;
-        let columns = width.div_ceil(stride);
-        let rows = rays.rays().chunks(width.max(1)).step_by(stride);
-        let directions = rows.flat_map(|row| row.iter().step_by(stride)).map(|&[x, y]| {
-            let direction = mount.direction([f64::from(x), f64::from(y), 1.0]);
-            Vector3::new(direction.x as f32, direction.y as f32, direction.z as f32)
-        });
-        let sample =
-            |direction: Vector3<f32>| Sample { direction: direction.into(), cell: NONE, sector: NONE };
-        let mut samples: Vec<Sample> = directions.map(sample).collect();
-        let sectors = field_of_view(&samples, mount, options);
-        let height_m = mount.height_m() as f32;
-        let pitch_rad = pitch(&samples, columns);
-        let step = CELL_SAMPLES * pitch_rad;
-        let cell_growth = step / height_m;
-        let plane = Plane::new(mount, options, pitch_rad);
-        let extents = extents(&samples, columns, &sectors, &plane, cell_growth);
         let mut view = Self {
             width,
             stride,
-            columns,
-            rows: samples.len() / columns.max(1),
+            columns: width.div_ceil(stride),
+            rows: (rays.height() as usize).div_ceil(stride),
             directions: Default::default(),
             cell_of: Vec::new(),
             sector_of: Vec::new(),
             ground_samples: Vec::new(),
             cells: Vec::new(),
             first_cells: Vec::new(),
-            extents,
-            sectors,
-            cell_growth,
+            extents: Vec::new(),
+            sectors: Sectors::new(-PI, PI, options.sectors),
+            cell_growth: 0.0,
+            work: Work::default(),
         };
-        view.divide_floor(&mut samples, mount, options.max_range_m, step);
-        view.directions = [0, 1, 2].map(|axis| samples.iter().map(|sample| sample.direction[axis]).collect());
-        view.cell_of = samples.iter().map(|sample| sample.cell).collect();
-        view.sector_of = samples.iter().map(|sample| sample.sector).collect();
-        view.ground_samples = view.choose_ground_samples();
+        view.set_mount(rays, mount, options);
         view
     }
 
-    fn choose_ground_samples(&self) -> Vec<[u32; 2]> {
-        let looking = self.cell_of.iter().filter(|cell| **cell != NONE).count();
+    /// Computes everything again for another mount of the same camera, with the same options. Allocates only if the camera sees
+    /// more cells of the floor than before.
+    pub(super) fn set_mount(&mut self, rays: &RayTable, mount: &Mount, options: &ObstacleOptions) {
+        let mut work = std::mem::take(&mut self.work);
+        let rows = rays.rays().chunks(self.width.max(1)).step_by(self.stride);
+        work.samples.clear();
+        work.samples.reserve(self.rows * self.columns);
+        work.samples.extend(rows.flat_map(|row| row.iter().step_by(self.stride)).map(|&[x, y]| {
+            let direction = mount.direction([f64::from(x), f64::from(y), 1.0]);
+            [direction.x as f32, direction.y as f32, direction.z as f32]
+        }));
+        let (angle_min_rad, angle_max_rad) = field_of_view(&work.samples, mount, options);
+        self.sectors.set_angles(angle_min_rad, angle_max_rad);
+        let pitch_rad = pitch(&work.samples, self.columns, &mut work.angles_rad);
+        let step = CELL_SAMPLES * pitch_rad;
+        self.cell_growth = step / mount.height_m() as f32;
+        let plane = Plane::new(mount, options, pitch_rad);
+        let samples = (&work.samples[..], self.columns);
+        work.lines.find_extents(samples, &self.sectors, &plane, self.cell_growth, &mut self.extents);
+        self.divide_floor(&mut work, mount, options.max_range_m, step);
+        for (axis, directions) in self.directions.iter_mut().enumerate() {
+            directions.clear();
+            directions.extend(work.samples.iter().map(|sample| sample[axis]));
+        }
+        self.choose_ground_samples();
+        self.work = work;
+    }
+
+    fn choose_ground_samples(&mut self) {
+        let Self { cell_of, ground_samples, columns, .. } = self;
+        let looking = cell_of.iter().filter(|cell| **cell != NONE).count();
         let step = looking.div_ceil(MAX_CANDIDATES).max(1);
-        let candidates = (0..self.cell_of.len()).filter(|&index| self.cell_of[index] != NONE).step_by(step);
-        candidates.map(|index| [(index / self.columns) as u32, (index % self.columns) as u32]).collect()
+        let candidates = (0..cell_of.len()).filter(|&index| cell_of[index] != NONE).step_by(step);
+        ground_samples.clear();
+        ground_samples.reserve(MAX_CANDIDATES);
+        ground_samples.extend(candidates.map(|index| [(index / *columns) as u32, (index % *columns) as u32]));
     }
 
     /// Gives each sample its sector and the cell it looks at.
-    fn divide_floor(&mut self, samples: &mut [Sample], mount: &Mount, max_range_m: f32, step: f32) {
+    fn divide_floor(&mut self, work: &mut Work, mount: &Mount, max_range_m: f32, step: f32) {
         let camera = mount.position_m().map(|value| value as f32);
-        let mut seen = Vec::with_capacity(samples.len());
-        let mut neighbor = NONE;
-        for (index, sample) in samples.iter_mut().enumerate() {
-            let [x, y, _] = sample.direction;
-            sample.sector = self.sectors.find([x, y], neighbor);
-            neighbor = sample.sector;
-            let found = self.floor_of(sample, camera, max_range_m, step);
-            seen.extend(found.map(|(sector, band, range_m)| SeenFloor { sector, band, index, range_m }));
+        work.seen.clear();
+        work.seen.reserve(work.samples.len());
+        self.sector_of.clear();
+        self.sector_of.reserve(work.samples.len());
+        let mut sector = NONE;
+        for (index, &direction) in work.samples.iter().enumerate() {
+            // The guess is the sector of the sample before.
+            sector = self.sectors.find([direction[0], direction[1]], sector);
+            self.sector_of.push(sector);
+            let found = self.floor_of((direction, sector), camera, max_range_m, step);
+            work.seen.extend(found.map(|(sector, band, range_m)| SeenFloor { sector, band, index, range_m }));
         }
-        self.number_cells(samples, &seen);
+        self.number_cells(work);
     }
 
     /// Sector, band and distance of the floor that a sample looks at; `None` beyond the range and outside the sectors.
     fn floor_of(
         &self,
-        sample: &Sample,
+        ([x, y, z], sector): (Direction, u32),
         [camera_x, camera_y, height_m]: [f32; 3],
         max_range_m: f32,
         step: f32,
     ) -> Option<(u32, usize, f32)> {
-        let [x, y, z] = sample.direction;
         // False for a sample without a ray, too.
         let is_below = z < 0.0;
         if !is_below {
@@ -162,7 +192,7 @@ impl View {
         if range_m > max_range_m {
             return None;
         }
-        let sector = self.sectors.find([floor_x, floor_y], sample.sector);
+        let sector = self.sectors.find([floor_x, floor_y], sector);
         let tangent = (-z / length(x, y)).min(MAX_TANGENT);
         // From near to far: the largest tangent first.
         let band = ((MAX_TANGENT - tangent) / step) as usize;
@@ -170,17 +200,22 @@ impl View {
     }
 
     /// Numbers the cells that are seen, by sector and from near to far.
-    fn number_cells(&mut self, samples: &mut [Sample], seen: &[SeenFloor]) {
+    fn number_cells(&mut self, work: &mut Work) {
+        let Work { samples, seen, cells: all, numbers, .. } = work;
         let first_band = seen.iter().map(|seen| seen.band).min().unwrap_or_default();
         let bands = seen.iter().map(|seen| seen.band + 1 - first_band).max().unwrap_or_default();
         let place = |seen: &SeenFloor| seen.sector as usize * bands + seen.band - first_band;
-        let mut all = vec![Cell { samples: 0, near_m: f32::INFINITY }; self.sectors.count() * bands];
-        for seen in seen {
+        all.clear();
+        all.resize(self.sectors.count() * bands, Cell { samples: 0, near_m: f32::INFINITY });
+        for seen in seen.iter() {
             let cell = &mut all[place(seen)];
             *cell = Cell { samples: cell.samples + 1, near_m: cell.near_m.min(seen.range_m) };
         }
-        let mut numbers = vec![NONE; all.len()];
-        self.first_cells = vec![0];
+        numbers.clear();
+        numbers.resize(all.len(), NONE);
+        self.cells.clear();
+        self.first_cells.clear();
+        self.first_cells.push(0);
         for sector in 0..self.sectors.count() {
             for index in sector * bands..(sector + 1) * bands {
                 if all[index].samples > 0 {
@@ -190,8 +225,10 @@ impl View {
             }
             self.first_cells.push(self.cells.len() as u32);
         }
-        for seen in seen {
-            samples[seen.index].cell = numbers[place(seen)];
+        self.cell_of.clear();
+        self.cell_of.resize(samples.len(), NONE);
+        for seen in seen.iter() {
+            self.cell_of[seen.index] = numbers[place(seen)];
         }
     }
 
@@ -207,19 +244,16 @@ impl View {
     }
 }
 
-/// The sectors cover all azimuths in which the camera sees floor within range. If it sees no floor, they cover all azimuths
+/// The azimuths that the sectors cover, radians: those in which the camera sees floor within range. If it sees no floor, those
 /// in which it sees anything.
-fn field_of_view(samples: &[Sample], mount: &Mount, options: &ObstacleOptions) -> Sectors {
+fn field_of_view(samples: &[Direction], mount: &Mount, options: &ObstacleOptions) -> (f32, f32) {
     let axis = mount.direction([0.0, 0.0, 1.0]);
     let yaw = (axis.y as f32).atan2(axis.x as f32);
     // Tangent of the angle below the horizon at which the floor is at the largest range.
     let far = mount.height_m() as f32 / options.max_range_m;
     let within = |lowest: f32| {
-        let below = samples
-            .iter()
-            .map(|sample| sample.direction)
-            .filter(move |&[x, y, z]| -z >= lowest * length(x, y));
-        let angles = below.map(|[x, y, _]| (y.atan2(x) - yaw + PI).rem_euclid(TAU) - PI);
+        let below = samples.iter().filter(move |&&[x, y, z]| -z >= lowest * length(x, y));
+        let angles = below.map(|&[x, y, _]| (y.atan2(x) - yaw + PI).rem_euclid(TAU) - PI);
         angles.fold((f32::INFINITY, f32::NEG_INFINITY), |(min, max), angle| (min.min(angle), max.max(angle)))
     };
     let (mut min, mut max) = [far, -MAX_ELEVATION_TANGENT]
@@ -232,22 +266,18 @@ fn field_of_view(samples: &[Sample], mount: &Mount, options: &ObstacleOptions) -
         (min, max) = (-PI, PI);
     }
     let narrowest = 1e-3;
-    Sectors::new(yaw + min, yaw + max.max(min + narrowest), options.sectors)
+    (yaw + min, yaw + max.max(min + narrowest))
 }
 
-/// The median angle between neighboring samples of a column, radians.
-fn pitch(samples: &[Sample], columns: usize) -> f32 {
+/// The median angle between neighboring samples of a column, radians. `angles` is a buffer.
+fn pitch(samples: &[Direction], columns: usize, angles: &mut Vec<f32>) -> f32 {
     let below = samples.iter().skip(columns);
-    let mut angles: Vec<f32> = samples
-        .iter()
-        .zip(below)
-        .step_by(37)
-        .map(|(a, b)| {
-            let (a, b) = (Vector3::from(a.direction), Vector3::from(b.direction));
-            (a - b).norm() / a.norm()
-        })
-        .filter(|angle| angle.is_finite())
-        .collect();
+    let each = samples.iter().zip(below).step_by(37).map(|(&a, &b)| {
+        let (a, b) = (Vector3::from(a), Vector3::from(b));
+        (a - b).norm() / a.norm()
+    });
+    angles.clear();
+    angles.extend(each.filter(|angle| angle.is_finite()));
     angles.sort_unstable_by(f32::total_cmp);
     angles.get(angles.len() / 2).copied().unwrap_or(0.01).clamp(1e-4, 0.5)
 }
