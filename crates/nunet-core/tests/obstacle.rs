@@ -414,6 +414,7 @@ fn a_robot_that_pitches_finds_a_box_at_its_place_only_with_its_attitude() {
         let tilted = level.on_tilted_base(roll_rad, pitch_rad).unwrap();
         let (depth_m, labels) = render(&tilted, &scene);
         for labels in [Some(&labels[..]), None] {
+            let mut fresh = detector(tilted, ObstacleOptions::default());
             let mut detector = detector(level, ObstacleOptions::default());
             let image = DepthImage { depth_m: &depth_m, labels, confidence: None };
             let without = detector.detect(&image, 0).unwrap();
@@ -423,6 +424,8 @@ fn a_robot_that_pitches_finds_a_box_at_its_place_only_with_its_attitude() {
             assert_eq!(ahead(with), (SectorState::Occupied, true), "{pitch_rad}");
             check_sectors(with, &scene);
             assert!(with.ground.is_refined && with.ground.slope_deg() < 0.5, "{:?}", with.ground);
+            // As text, because unknown values are NaN.
+            assert_eq!(format!("{with:?}"), format!("{:?}", fresh.detect(&image, 0).unwrap()));
         }
     }
 }
