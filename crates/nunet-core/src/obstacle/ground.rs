@@ -70,6 +70,22 @@ pub(super) struct GroundFit {
     camera_height_m: f32,
     max_slope: f32,
     candidates: Vec<Candidate>,
+    /// The weight of each candidate in the current round, 0 to 1.
+    weights: Vec<f32>,
+}
+
+/// How far a point may be from the plane.
+#[derive(Debug, Clone, Copy)]
+struct Gate {
+    scatter_m: f32,
+    shrunk: f32,
+}
+
+impl Gate {
+    #[inline]
+    fn at(self, distance_m: f32) -> f32 {
+        self.scatter_m + self.shrunk * (GATE_M + GATE_SLOPE * distance_m)
+    }
 }
 
 /// A point that may be ground.
@@ -86,6 +102,7 @@ impl GroundFit {
             camera_height_m: mount.height_m() as f32,
             max_slope: options.max_slope_deg.to_radians().tan(),
             candidates: Vec::with_capacity(MAX_CANDIDATES),
+            weights: Vec::with_capacity(MAX_CANDIDATES),
         }
     }
 
@@ -101,13 +118,11 @@ impl GroundFit {
 
     /// The ground of the points that may be floor. Takes the first [`MAX_CANDIDATES`] of them.
     pub(super) fn fit(&mut self, points: impl Iterator<Item = [f32; 3]>) -> Ground {
-        let mut candidates = std::mem::take(&mut self.candidates);
-        candidates.clear();
+        let gate = self.gate(0);
         let measured = points.map(Candidate::new);
-        let near =
-            measured.filter(|candidate| candidate.point[2].abs() < self.gate_m(candidate.distance_m, 0));
-        candidates.extend(near.take(MAX_CANDIDATES));
-        self.candidates = candidates;
+        let near = measured.filter(|candidate| candidate.point[2].abs() < gate.at(candidate.distance_m));
+        self.candidates.clear();
+        self.candidates.extend(near.take(MAX_CANDIDATES));
         if self.candidates.len() < MIN_CANDIDATES {
             return Ground::EXPECTED;
         }
@@ -121,26 +136,42 @@ impl GroundFit {
         if self.is_plausible(&ground) { Ground { is_refined: true, ..ground } } else { Ground::EXPECTED }
     }
 
-    /// How far a point may be from the plane, meters.
-    fn gate_m(&self, distance_m: f32, round: i32) -> f32 {
-        let shrunk = 0.5_f32.powi(round);
-        3.0 * self.scatter_m() + shrunk * (GATE_M + GATE_SLOPE * distance_m)
+    fn gate(&self, round: i32) -> Gate {
+        Gate { scatter_m: 3.0 * self.scatter_m(), shrunk: 0.5_f32.powi(round) }
     }
 
     /// One step of the reweighted least squares; `None` if there is no solution.
-    fn solve(&self, ground: &Ground, round: i32) -> Option<Ground> {
+    fn solve(&mut self, ground: &Ground, round: i32) -> Option<Ground> {
+        let gate = self.gate(round);
+        // A loop of its own, because it is vectorized. The sums are not: another order would change their rounding.
+        self.weights.clear();
+        self.weights.extend(self.candidates.iter().map(|&Candidate { point, distance_m }| {
+            let share = ground.height_above(point) / gate.at(distance_m);
+            let near = (1.0 - share * share).max(0.0);
+            near * near
+        }));
         let precision = 1.0 / f64::from(self.scatter_m()).powi(2);
         let prior = [PRIOR_SLOPE, PRIOR_SLOPE, PRIOR_HEIGHT_M].map(|deviation| deviation.powi(-2));
-        let mut normal = Matrix3::from_diagonal(&Vector3::from(prior));
-        let mut right = Vector3::zeros();
-        for &Candidate { point: [x, y, z], distance_m } in &self.candidates {
-            let share = ground.height_above([x, y, z]) / self.gate_m(distance_m, round);
-            let weight = precision * f64::from((1.0 - share * share).max(0.0).powi(2));
-            let row = Vector3::new(f64::from(x), f64::from(y), 1.0);
-            normal += weight * row * row.transpose();
-            right += weight * f64::from(z) * row;
+        // The normal matrix is symmetric; these are its different entries for the unknowns slope x, slope y and height.
+        let [mut xx, mut yy, mut hh] = prior;
+        let [mut xy, mut xh, mut yh] = [0.0; 3];
+        let mut right = [0.0; 3];
+        for (candidate, &weight) in self.candidates.iter().zip(&self.weights) {
+            let [x, y, z] = candidate.point.map(f64::from);
+            let weight = precision * f64::from(weight);
+            let [weighted_x, weighted_y, weighted_z] = [weight * x, weight * y, weight * z];
+            xx += weighted_x * x;
+            xy += weighted_y * x;
+            yy += weighted_y * y;
+            xh += weighted_x;
+            yh += weighted_y;
+            hh += weight;
+            right[0] += weighted_z * x;
+            right[1] += weighted_z * y;
+            right[2] += weighted_z;
         }
-        let plane = normal.cholesky()?.solve(&right);
+        let normal = Matrix3::new(xx, xy, xh, xy, yy, yh, xh, yh, hh);
+        let plane = normal.cholesky()?.solve(&Vector3::from(right));
         let [slope_x, slope_y, height_m] = [plane.x as f32, plane.y as f32, plane.z as f32];
         Some(Ground { slope_x, slope_y, height_m, ..*ground })
     }
