@@ -113,6 +113,8 @@ def session(
     options.intra_op_num_threads = threads
     options.graph_optimization_level = level
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    # Without it, 8-bit sums saturate on x86 processors without VNNI. nunetd sets it too.
+    options.add_session_config_entry("session.x64quantprecision", "1")
     try:
         return ort.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
     except Exception as error:  # ONNX Runtime's own, one class per kind without a common one
