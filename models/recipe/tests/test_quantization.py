@@ -18,6 +18,7 @@ from nunet_models.evaluation.predict import Predictor
 from nunet_models.export.joints import connected_joints
 from nunet_models.export.onnx_file import read_metadata, run
 from nunet_models.export.split import split
+from nunet_models.quantization.biases import groups
 from nunet_models.quantization.command import _spread
 from nunet_models.quantization.rewrites import balance_joints, double_by_copies
 from nunet_models.quantization.static import Plan, heads, quantize
@@ -65,6 +66,9 @@ def test_a_quantized_file_is_a_model_file_with_its_own_selftest(quantized):
     assert selftest["precision"] == "int8" and "int8" in selftest["tolerance"]
     how = json.loads(predictor.metadata["nunet.training"])["quantisation"]
     assert how["method"] == "minmax"
+    assert how["weight_bits"] == 7
+    convolutions = [node for node in onnx.load(TINY).graph.node if node.op_type == "Conv"]
+    assert how["corrected_biases"] == len(convolutions) - len(how["float_nodes"])
     digest = hashlib.sha256(b"0000\n0001\n0002\n0003\n").hexdigest()
     assert how["calibration"] == {"used": 4, "pictures": 4, "ids_sha256": digest}
 
@@ -74,6 +78,43 @@ def test_quantized_depth_stays_near(quantized):
     before, after = Predictor(TINY)(rgb).depth, Predictor(quantized[1])(rgb).depth
     error = np.nanmean(np.abs(before - after) / before)
     assert error < 0.15, error  # random weights quantize badly
+
+
+def test_sums_of_two_products_fit_into_16_bits_unless_8_bit_weights_are_asked_for(quantized):
+    """Processors without VNNI add them so; 255 * 127 * 2 does not fit."""
+    root, out = quantized
+    assert largest_weights(out) == (set(), {64})
+    assert 2 * 255 * max(largest_weights(out)[1]) <= np.iinfo(np.int16).max
+    eight = root / "8_bits.onnx"
+    command = ("quantize", "--model", str(TINY), "--out", str(eight), "--no-reduce-range")
+    data = ("--data", str(root), "--ids", str(root / "train.txt"), "--images", "4")
+    assert main([*command, *data]) == 0
+    assert largest_weights(eight) == (set(), {127})
+    how = json.loads(read_metadata(eight)["nunet.training"])["quantisation"]
+    assert how["weight_bits"] == 8
+
+
+def test_only_depth_wise_convolutions_keep_8_bits_in_the_file_that_ships():
+    """They sum in 32 bits everywhere, and have few weights over which rounding averages out."""
+    depthwise, others = largest_weights(TINY.parents[1] / "wnet_c.onnx")
+    assert (max(depthwise), max(others)) == (127, 64)
+    plan = Plan()
+    shapes = [((6, 1, 3, 3), 6), ((6, 6, 3, 3), 1), ((6, 3, 3, 3), 2), ((12, 1, 3, 3), 6)]
+    assert [plan.largest_weight(*shape) for shape in shapes] == [127, 64, 64, 64]
+
+
+def largest_weights(path):
+    """The largest magnitudes of output channels in 8-bit convolutions: depth-wise, and others."""
+    model = onnx.load(path)
+    tensors = {t.name: onnx.numpy_helper.to_array(t) for t in model.graph.initializer}
+    read = {node.output[0]: node.input[0] for node in model.graph.node}
+    found = (set(), set())
+    for node in model.graph.node:
+        weights = tensors.get(read.get(node.input[1])) if node.op_type == "Conv" else None
+        if weights is not None:
+            channels = np.abs(weights.astype(int)).max(axis=(1, 2, 3))
+            found[groups(node) == 1].update(channels.tolist())
+    return found
 
 
 def test_what_is_quantized_is_not_quantized_again(quantized):

@@ -39,7 +39,18 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
         default=True,
         help="bring the channels of each tensor to one range first (default %(default)s)",
     )
-    parser.add_argument("--reduce-range", action="store_true", help="7-bit weights, without VNNI")
+    parser.add_argument(
+        "--correct-biases",
+        action=argparse.BooleanOptionalAction,
+        default=True,
+        help="subtract the mean of what rounding of weights adds (default %(default)s)",
+    )
+    parser.add_argument(
+        "--reduce-range",
+        action=argparse.BooleanOptionalAction,
+        default=True,
+        help="7-bit weights, for x86 processors without VNNI (default %(default)s)",
+    )
     parser.set_defaults(carry_out=run)
 
 
@@ -61,6 +72,7 @@ def run(options: argparse.Namespace) -> int:
         float_heads=not options.quantize_heads,
         float_nodes=tuple(options.float_node),
         equalize=options.equalize,
+        correct_biases=options.correct_biases,
         reduce_range=options.reduce_range,
     )
     quantize(

@@ -2,7 +2,7 @@
 
 import json
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ from nunet_models.export.measure import INT8_MARGIN, quantized_selftest
 from nunet_models.export.metadata import to_json
 from nunet_models.export.onnx_file import load_model, read_metadata, write_metadata
 from nunet_models.export.selftest import selftest_image
+from nunet_models.quantization.biases import correct_biases, groups
 from nunet_models.quantization.equalize import equalize_channels
 from nunet_models.quantization.rewrites import balance_joints, double_by_copies
 
@@ -45,15 +46,30 @@ class Plan:
 
     `float_heads` keeps the convolution before each result in float: its output is read as a
     number, not as a feature. `float_nodes` names further ones. `equalize` brings channels to one
-    range first (see `equalize_channels`). `reduce_range` uses 7 bits of weights, for processors
-    without VNNI whose 16-bit sums saturate.
+    range first (see `equalize_channels`). `reduce_range` uses 7 bits of weights (see
+    `largest_weight`): with 8, the 16-bit sums of x86 processors without VNNI saturate, and exact
+    sums take longer there.
+    `correct_biases` keeps the means of outputs (see the function).
     """
 
     method: str = "minmax"
     float_heads: bool = True
     float_nodes: tuple[str, ...] = ()
     equalize: bool = True
-    reduce_range: bool = False
+    correct_biases: bool = True
+    reduce_range: bool = True
+
+    def largest_weight(self, shape: Sequence[int], groups: int) -> int:
+        """The magnitude to which the largest weight of an output channel is rounded.
+
+        `shape` is that of a convolution's weights, `[out, in, kh, kw]`. Two products of 255 and 64
+        fit into 16 bits. Depth-wise convolutions, whose channels have few weights, sum in 32 bits.
+        """
+        return 64 if self.reduce_range and not _depthwise(shape, groups) else 127
+
+
+def _depthwise(shape: Sequence[int], groups: int) -> bool:
+    return shape[0] == groups > 1 == shape[1]
 
 
 class _Images(CalibrationDataReader):
@@ -91,19 +107,16 @@ def quantize(
     shown = list(images)
     if not shown:
         raise ConfigError("no image to calibrate on; expected one or more")
-    factors = balance_joints(model, lambda names: _magnitudes(model, names, shown, Predictor(path)))
-    equalized = 0
-    if plan.equalize:
-        predictor = Predictor(path)
-        equalized = equalize_channels(model, lambda n: _channel_ranges(model, n, shown, predictor))
+    prepared = _prepare(model, shown, plan, keep, Predictor(path))
     quantized = _quantized(model, shown, plan, keep)
     double_by_copies(quantized)
     training = json.loads(values["nunet.training"])
     training["quantisation"] = {
         "method": plan.method,
+        "weight_bits": 7 if plan.reduce_range else 8,
+        "depthwise_weight_bits": 8,
         "float_nodes": keep,
-        "joints": factors,
-        "equalized_sites": equalized,
+        **prepared,
         "margin": INT8_MARGIN,
         "calibration": {"used": len(shown), **(calibration or {})},
     }
@@ -111,6 +124,25 @@ def quantize(
     values["nunet.accuracy"] = to_json({})  # the float file's metrics are not this one's
     _save(quantized, values, out)
     return values
+
+
+def _prepare(
+    model: onnx.ModelProto,
+    images: list[np.ndarray],
+    plan: Plan,
+    keep: list[str],
+    predictor: Predictor,
+) -> dict[str, Any]:
+    """Change weights of `model` in place, before it is quantized; returns what the file states."""
+    factors = balance_joints(model, lambda names: _magnitudes(model, names, images, predictor))
+    equalized = corrected = 0
+    if plan.equalize:
+        equalized = equalize_channels(model, lambda n: _channel_ranges(model, n, images, predictor))
+    if plan.correct_biases:
+        corrected = correct_biases(
+            model, lambda n: _channel_means(model, n, images, predictor), plan.largest_weight, keep
+        )
+    return {"joints": factors, "equalized_sites": equalized, "corrected_biases": corrected}
 
 
 def _check_precision(path: Path, values: dict[str, str]) -> None:
@@ -169,8 +201,23 @@ def _quantized(
             weight_type=QuantType.QInt8,
             calibrate_method=METHODS[plan.method],
             calibration_cache_path=None,
+            extra_options={"TensorQuantOverrides": _eight_bits(model, keep)},
         )
         return onnx.load(raw)
+
+
+def _eight_bits(model: onnx.ModelProto, keep: list[str]) -> dict[str, list[dict[str, Any]]]:
+    """The weights of depth-wise convolutions, which keep 8 bits, as onnxruntime expects it."""
+    shapes = {tensor.name: tensor.dims for tensor in model.graph.initializer}
+    full = {"quant_type": QuantType.QInt8, "axis": 0, "symmetric": True, "reduce_range": False}
+    return {
+        node.input[1]: [dict(full)]
+        for node in model.graph.node
+        if node.op_type == "Conv"
+        and node.name not in keep
+        and node.input[1] in shapes
+        and _depthwise(shapes[node.input[1]], groups(node))
+    }
 
 
 def _shown(what: str, images: list[np.ndarray]) -> Iterable[np.ndarray]:
@@ -190,6 +237,29 @@ def _channel_ranges(
     model: onnx.ModelProto, names: list[str], images: list[np.ndarray], predictor: Predictor
 ) -> dict[str, np.ndarray]:
     """The largest magnitude of each channel of named tensors `[1, C, h, w]` over `images`."""
+    largest: dict[str, np.ndarray] = {}
+    for values in _inner_values(model, names, _shown("ranges of channels", images), predictor):
+        for name, value in values.items():
+            found = np.abs(value).max(axis=(0, 2, 3))
+            largest[name] = np.maximum(largest.get(name, 0.0), found)
+    return largest
+
+
+def _channel_means(
+    model: onnx.ModelProto, names: list[str], images: list[np.ndarray], predictor: Predictor
+) -> dict[str, np.ndarray]:
+    """The mean of each channel of named tensors `[1, C, h, w]` over `images`."""
+    sums: dict[str, np.ndarray] = {}
+    for values in _inner_values(model, names, _shown("means of channels", images), predictor):
+        for name, value in values.items():
+            sums[name] = sums.get(name, 0.0) + value.mean(axis=(0, 2, 3), dtype=np.float64)
+    return {name: value / len(images) for name, value in sums.items()}
+
+
+def _inner_values(
+    model: onnx.ModelProto, names: list[str], images: Iterable[np.ndarray], predictor: Predictor
+) -> Iterator[dict[str, np.ndarray]]:
+    """The values of named tensors inside a graph, by name, image by image."""
     probe = onnx.ModelProto()
     probe.CopyFrom(model)
     del probe.graph.output[:]
@@ -197,12 +267,9 @@ def _channel_ranges(
         onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, None) for name in names
     )
     session = ort.InferenceSession(probe.SerializeToString(), providers=["CPUExecutionProvider"])
-    largest: dict[str, np.ndarray] = {}
-    for rgb in _shown("ranges of channels", images):
-        for name, values in zip(names, session.run(names, predictor.inputs(rgb)), strict=True):
-            found = np.abs(values).max(axis=(0, 2, 3))
-            largest[name] = np.maximum(largest.get(name, 0.0), found)
-    return largest
+    for rgb in images:
+        found = session.run(names, predictor.inputs(rgb))
+        yield dict(zip(names, found, strict=True))
 
 
 def heads(model: onnx.ModelProto) -> list[str]:

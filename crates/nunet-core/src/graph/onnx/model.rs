@@ -80,8 +80,9 @@ const SLEEP_AFTER_RUN: (&str, &str) = ("session.force_spinning_stop", "1");
 const SPIN_DURATION: (&str, &str) = ("session.intra_op.spin_duration_us", "50");
 
 /// Exact 8-bit arithmetic on x86 processors without VNNI, where ONNX Runtime's fast one adds pairs of products in 16
-/// bits that saturate: depth of `wnet_c.onnx` is then 4.2 % off instead of 2.1 % (mean of an image, against float32),
-/// and its self-test fails. Without effect on other processors.
+/// bits that saturate: depth of `wnet_c.onnx` with 8-bit weights was then 4.2 % off instead of 2.1 % (mean of an image,
+/// against float32), and its self-test failed. Costs nothing with weights of 7 bits, which `wnet_c.onnx` has now, and
+/// has no effect on other processors.
 /// Source: `kOrtSessionOptionsAvx2PrecisionMode` in `onnxruntime_session_options_config_keys.h`.
 const EXACT_INTEGERS: (&str, &str) = ("session.x64quantprecision", "1");
 
