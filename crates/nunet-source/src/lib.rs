@@ -79,7 +79,7 @@ pub use ros2::Ros2Source;
 pub use rotated::Rotated;
 pub use rotation::{Rotation, Rotator};
 pub use shm::camera_in;
-pub use source::{Fill, OpenOptions, Source, first_frame};
+pub use source::{Fill, OpenOptions, Source, StartingWith, first_frame};
 pub use source_type::{Exclusive, Properties, SizeUse, SourceType};
 #[cfg(feature = "v4l2")]
 pub use v4l2::{CameraReport, cameras};

@@ -259,7 +259,7 @@ mod tests {
         assert_eq!(last, Some(MAX_REPORTS), "a driver cannot fill the log");
     }
 
-    /// A camera with autofocus describes itself anew with every image.
+    /// A camera with autofocus describes itself again with every image.
     #[test]
     fn what_is_assumed_of_a_camera_is_reported_once_and_not_for_every_description() {
         let mut cache = CameraCache::default();

@@ -69,6 +69,33 @@ impl<S: Source + ?Sized> Source for Box<S> {
     }
 }
 
+/// A source whose first frame was filled already.
+pub struct StartingWith<'a> {
+    first: Option<Fill>,
+    source: &'a mut dyn Source,
+}
+
+impl<'a> StartingWith<'a> {
+    /// `first` is what `source` answered when the frame was filled that is passed first.
+    pub fn new(first: Fill, source: &'a mut dyn Source) -> Self {
+        Self { first: Some(first), source }
+    }
+}
+
+impl Source for StartingWith<'_> {
+    fn fill(&mut self, frame: &mut Frame) -> Fill {
+        self.first.take().unwrap_or_else(|| self.source.fill(frame))
+    }
+
+    fn is_live(&self) -> bool {
+        self.source.is_live()
+    }
+
+    fn is_waiting(&self) -> bool {
+        self.source.is_waiting()
+    }
+}
+
 /// The first readable frame; `None` if there is none within 100 calls.
 ///
 /// # Errors

@@ -4,7 +4,7 @@ use anyhow::Context as _;
 use indicatif::ProgressBar;
 use nunet_core::pipeline::{FrameReport, Pipeline};
 use nunet_engine::MonotonicClock;
-use nunet_engine::{Engine, EngineOptions, find_model, hexadecimal};
+use nunet_engine::{Engine, EngineOptions, file_sha256, find_model, hexadecimal};
 use nunet_ipc::CameraName;
 use nunet_sink::attitude::{AttitudeConfig, AttitudeSource, AttitudeStage};
 use nunet_sink::empty_depth::EmptyDepthWarning;
@@ -15,9 +15,8 @@ use nunet_sink::record::RecordedFrame;
 use nunet_telemetry::RateLimit;
 use serde_json::json;
 use sha2::{Digest as _, Sha256};
-use std::io::Read as _;
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 use tracing::{error, info, warn};
 
@@ -29,7 +28,7 @@ use crate::exit::{BadArguments, is_usage, warn_of_camera};
 use crate::sink::Results;
 use crate::sink::recording::refuse_output;
 use crate::sink::stats::ModelName;
-use crate::source::{CameraResolver, Continuity, Fill, Frame, OpenOptions, RecordingSource, Rotated, Source};
+use crate::source::{CameraResolver, Continuity, Fill, Frame, OpenOptions, RecordingSource, Rotated, Source, StartingWith};
 use crate::stream::{FrameHandler, Pace, SourceEnd, Stop, Stopped, drive};
 use nunet_engine::Buffers;
 use nunet_sink::stdout::print;
@@ -153,18 +152,6 @@ struct Replay {
     empty_depth: EmptyDepthWarning,
 }
 
-/// A source whose first frame was filled already.
-struct StartingWith<'a> {
-    first: Option<Fill>,
-    source: &'a mut dyn Source,
-}
-
-impl Source for StartingWith<'_> {
-    fn fill(&mut self, frame: &mut Frame) -> Fill {
-        self.first.take().unwrap_or_else(|| self.source.fill(frame))
-    }
-}
-
 impl FrameHandler for Replay {
     fn buffer(&mut self) -> Frame {
         std::mem::take(&mut self.frame)
@@ -239,7 +226,7 @@ impl Replay {
     ) -> anyhow::Result<()> {
         self.progress = progress("replay", source.source().image_count());
         self.frame = frame;
-        let mut source = StartingWith { first: Some(first), source };
+        let mut source = StartingWith::new(first, source);
         let end = drive(&mut source, Pace::ALL, stop, self)?;
         self.progress.finish_and_clear();
         self.cut = end != SourceEnd::Complete;
@@ -308,7 +295,9 @@ impl Replay {
     fn finish(self, options: &ReplayOptions) -> anyhow::Result<Outcome> {
         let Self { frames, failed, cut, .. } = self;
         self.writer.finish()?;
-        let hash = file_sha256(&options.output)?;
+        let hash = file_sha256(&options.output)
+            .with_context(|| format!("cannot read `{}` to compute its hash", options.output.display()))?;
+        let hash = hash.unwrap_or_else(|| "unavailable: the output is not a regular file".to_owned());
         let text = if options.json {
             json!({
                 "contract": nunet_ipc::CONTRACT_VERSION,
@@ -325,22 +314,6 @@ impl Replay {
         print(&text)?;
         info!("`{}` -> `{}`", options.input.display(), options.output.display());
         Ok(if failed == 0 && !cut { Outcome::Done } else { Outcome::Lost })
-    }
-}
-
-/// The hash of a whole recording, hexadecimal: every message, its times and its schema. `sha256sum` prints the same.
-fn file_sha256(path: &Path) -> anyhow::Result<String> {
-    let unreadable = || format!("cannot read `{}` to compute its hash", path.display());
-    if !path.metadata().with_context(unreadable)?.is_file() {
-        return Ok("unavailable: the output is not a regular file".to_owned());
-    }
-    let mut file = std::fs::File::open(path).with_context(unreadable)?;
-    let (mut hash, mut part) = (Sha256::new(), vec![0; 1 << 20]);
-    loop {
-        match file.read(&mut part).with_context(unreadable)? {
-            0 => return Ok(hexadecimal(hash.finalize().as_slice())),
-            bytes => hash.update(part.get(..bytes).unwrap_or_default()),
-        }
     }
 }
 
