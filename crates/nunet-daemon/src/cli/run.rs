@@ -102,7 +102,7 @@ pub struct ViewArgs {
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub view: Option<Text<SocketAddr>>,
     /// The secret that viewers must present; required if other machines can reach the address of --view. The
-    /// environment variable NUNET_VIEW_TOKEN keeps it out of the list of processes
+    /// environment variable `NUNET_VIEW_TOKEN` keeps it out of the list of processes
     #[arg(long, value_name = "TOKEN", env = TOKEN_VARIABLE, hide_env_values = true)]
     pub view_token: Option<UncheckedToken>,
 }

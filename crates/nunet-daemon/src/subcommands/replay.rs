@@ -28,7 +28,9 @@ use crate::exit::{BadArguments, is_usage, warn_of_camera};
 use crate::sink::Results;
 use crate::sink::recording::refuse_output;
 use crate::sink::stats::ModelName;
-use crate::source::{CameraResolver, Continuity, Fill, Frame, OpenOptions, RecordingSource, Rotated, Source, StartingWith};
+use crate::source::{
+    CameraResolver, Continuity, Fill, Frame, OpenOptions, RecordingSource, Rotated, Source, StartingWith,
+};
 use crate::stream::{FrameHandler, Pace, SourceEnd, Stop, Stopped, drive};
 use nunet_engine::Buffers;
 use nunet_sink::stdout::print;
