@@ -56,6 +56,7 @@ def test_without_blender_the_error_names_the_package_to_install(monkeypatch, cap
     ("arguments", "message"),
     [
         (["--rooms", "0"], "`--rooms` is 0, expected 1 to 100000"),
+        (["--flat-images", "0"], "`--flat-images` is 0, expected 1 to 100000"),
         (["--rooms", "5", "--start", "-1"], "`--start` is -1, expected 0 to 99995"),
         (["--rooms", "5", "--views", "0"], "`--views` is 0, expected 1 to 100"),
         (["--rooms", "5", "--threads", "0"], "`--threads` is 0, expected 1 to 1024"),

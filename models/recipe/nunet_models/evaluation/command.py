@@ -30,6 +30,7 @@ from nunet_models.evaluation.compare import (
     Prediction,
     compare,
 )
+from nunet_models.evaluation.flat_command import run_flat_images
 from nunet_models.evaluation.predict import Predictor
 from nunet_models.evaluation.protocol import MIN_DEPTH_M, PROTOCOLS
 from nunet_models.evaluation.sets_command import run_sets
@@ -49,6 +50,12 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
         "--accuracy-only",
         action="store_true",
         help="with `--sets`: skip border, noise, roughness and rotation, in a fifth of the time",
+    )
+    parser.add_argument(
+        "--flat-images",
+        type=Path,
+        metavar="DIR",
+        help="folder of `render --flat-images`: measure the relief on flat panes, no other metric",
     )
     _add_baseline_options(parser)
     parser.add_argument(
@@ -95,6 +102,8 @@ def _add_baseline_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Carry out `evaluate`; prints JSON."""
+    if options.flat_images is not None:
+        return run_flat_images(options)
     check_sets_or_data(options, "ids")
     if options.sets is not None:
         _check_alone(options)

@@ -1,4 +1,4 @@
-"""The subcommand `render`: random rooms, the drive, and the clip, with exact depth and labels."""
+"""The subcommand `render`: random rooms, flat images, the drive and the clip, with exact depth."""
 
 from __future__ import annotations
 
@@ -34,12 +34,15 @@ def add_options(made: argparse.ArgumentParser) -> None:
     """The options of `render`."""
     what = made.add_mutually_exclusive_group(required=True)
     what.add_argument("--rooms", type=int, metavar="N", help="render N random rooms")
+    what.add_argument(
+        "--flat-images", type=int, metavar="N", help="render N empty rooms with a flat image each"
+    )
     what.add_argument("--drive", action="store_true", help="render the drive (models/drive)")
     what.add_argument("--clip", action="store_true", help="render the clip (models/clip)")
     what.add_argument("--check", action="store_true", help="measure depth and pixels; no images")
     made.add_argument("--out", type=Path, help="output folder; images that exist are kept")
     made.add_argument("--threads", type=int, default=1, help="render threads (default 1)")
-    rooms = made.add_argument_group("random rooms")
+    rooms = made.add_argument_group("random rooms and flat images")
     rooms.add_argument("--start", type=int, default=0, metavar="I", help="first room (default 0)")
     rooms.add_argument(
         "--seed", type=int, default=0, help="the same seed and number give the same room"
@@ -69,13 +72,22 @@ def carry_out(options: argparse.Namespace) -> int:
         elif options.clip:
             _blender_module("clip").render_clip(options.out, threads=options.threads)
         else:
-            names = ("out", "rooms", "start", "seed", "views", "samples", "threads", "test_share")
-            generator = _blender_module("generator")
-            values = {name: getattr(options, name) for name in names}
-            generator.render_rooms(generator.Options(**values))
+            _render_rooms(options)
     if options.check:
         print("\n".join(problems) or "depth, labels and pixels are right")
     return EXIT_FAILURE if problems else 0
+
+
+def _render_rooms(options: argparse.Namespace) -> None:
+    """Random rooms, or rooms with flat images."""
+    names = ("out", "start", "seed", "views", "samples", "threads", "test_share")
+    values = {name: getattr(options, name) for name in names}
+    generator = _blender_module("generator")
+    if options.flat_images is not None:
+        wanted = generator.Options(rooms=options.flat_images, **values)
+        _blender_module("flat_images").render_flat_images(wanted)
+    else:
+        generator.render_rooms(generator.Options(rooms=options.rooms, **values))
 
 
 @contextlib.contextmanager
@@ -98,9 +110,10 @@ def validate(options: argparse.Namespace) -> None:
         raise OptionError("`--out` is missing: it names the output folder")
     if options.out is not None and options.out.exists() and not options.out.is_dir():
         raise OptionError(f"`--out {options.out}` is a file, expected a folder")
-    if options.rooms is not None:
-        _require_range("--rooms", options.rooms, 1, MAX_ROOMS)
-        _require_range("--start", options.start, 0, MAX_ROOMS - options.rooms)
+    for flag, count in (("--rooms", options.rooms), ("--flat-images", options.flat_images)):
+        if count is not None:
+            _require_range(flag, count, 1, MAX_ROOMS)
+            _require_range("--start", options.start, 0, MAX_ROOMS - count)
     _require_range("--views", options.views, 1, 100)
     _require_range("--samples", options.samples, 1, 4096)
     _require_range("--threads", options.threads, 1, 1024)

@@ -171,20 +171,20 @@ def cable(maker: Maker, length: float) -> None:
         )
 
 
-def mirror(facing: Maker, x: float, z: float, size: tuple[float, float]) -> None:
-    """A mirror on a wall; its truth is the pane itself."""
+def mirror(facing: Maker, x: float, z: float, size: tuple[float, float]) -> bpy.types.Object:
+    """A mirror on a wall, and its pane; its truth is the pane itself."""
     width, height = size
     facing = facing.of("objects")
     if facing.random.random() < 0.7:
         frame = materials.wood((0.2, 0.12, 0.06), "x")
         facing.box((width + 0.08, 0.02, height + 0.08), (x, -0.01, z - 0.04), frame)
-    facing.box((width, 0.012, height), (x, -0.02, z), materials.mirror(), bevel=0)
+    return facing.box((width, 0.012, height), (x, -0.02, z), materials.mirror(), bevel=0)
 
 
 def poster(
     facing: Maker, x: float, z: float, size: tuple[float, float], photo: str, glow: float = 0
-) -> None:
-    """A flat image on a wall: a poster, a mural, or a screen that shines."""
+) -> bpy.types.Object:
+    """A flat image on a wall, and its pane: a poster, a mural, or a screen that shines."""
     width, height = size
     if glow:
         facing.of("tv").box(
@@ -192,13 +192,12 @@ def poster(
             (x, -0.02, z - 0.015),
             materials.paint((0.01, 0.01, 0.01), 0.3),
         )
-        facing.of("tv").box(
+        return facing.of("tv").box(
             (width, 0.004, height), (x, -0.042, z), images.photo(photo, glow), bevel=0
         )
-    else:
-        facing.of("picture").box(
-            (width, 0.004, height), (x, -0.003, z), images.photo(photo), bevel=0
-        )
+    return facing.of("picture").box(
+        (width, 0.004, height), (x, -0.003, z), images.photo(photo), bevel=0
+    )
 
 
 def glass_wall(maker: Maker, width: float, height: float) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from random import Random
 
@@ -122,10 +122,20 @@ KINDS: dict[str, RoomKind] = {
 }
 
 
-def build(seed_text: str, photos: list[str]) -> tuple[Room, Random]:
+def build(
+    seed_text: str, photos: list[str], among: Sequence[str] = tuple(KINDS)
+) -> tuple[Room, Random]:
     """Build a random room in the open scene; the generator that continues for its views."""
     random = Random(seed_text)
-    name = random.choices(list(KINDS), [kind.weight for kind in KINDS.values()])[0]
+    name = random.choices(among, [KINDS[kind].weight for kind in among])[0]
+    furnisher, room = build_unfurnished(name, random, photos)
+    KINDS[name].furnish(furnisher)
+    _common(furnisher)
+    return room, random
+
+
+def build_unfurnished(name: str, random: Random, photos: list[str]) -> tuple[Furnisher, Room]:
+    """Walls, openings and light of a room of this kind, and what furnishes it."""
     kind = KINDS[name]
     size = tuple(random.uniform(*limits) for limits in (kind.width, kind.depth, kind.height))
     room = shell.Shell(*size)
@@ -142,9 +152,7 @@ def build(seed_text: str, photos: list[str]) -> tuple[Room, Random]:
     if doorway:
         surroundings.add_annex(furnisher, *doorway)
     ambient = surroundings.add_light(furnisher, kind.panels, holes)
-    kind.furnish(furnisher)
-    _common(furnisher)
-    return Room(name, size, ambient), random
+    return furnisher, Room(name, size, ambient)
 
 
 def _common(f: Furnisher) -> None:

@@ -62,9 +62,9 @@ class ViewFinder:
         bpy.context.view_layer.update()
         self.depsgraph = bpy.context.evaluated_depsgraph_get()
 
-    def find(self, attempts: int = 40) -> View | None:
-        """A random view, or none if no attempt gave a good one."""
-        wanted = self.random.choices(list(SHARES), list(SHARES.values()))[0]
+    def find(self, attempts: int = 40, *, kind: str | None = None) -> View | None:
+        """A random view, or none if no attempt gave a good one; of any kind, or of this one."""
+        wanted = kind or self.random.choices(list(SHARES), list(SHARES.values()))[0]
         # Random places are mostly near a wall; people stand where they see the room.
         median_m = self.random.choice((0.0, 1.6, 2.2)) if wanted == STANDING else 0.0
         for _ in range(attempts):

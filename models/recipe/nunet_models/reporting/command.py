@@ -6,7 +6,7 @@ from pathlib import Path
 from nunet_models.data.options import add_data_options, open_pairs
 from nunet_models.errors import ConfigError
 from nunet_models.evaluation.predict import Predictor
-from nunet_models.reporting.differences import difference_table
+from nunet_models.reporting.differences import METRICS, difference_table
 from nunet_models.reporting.figures import (
     NetworkDepth,
     Panel,
@@ -38,6 +38,11 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
         metavar=("FIRST.csv", "SECOND.csv"),
         help="compare two networks by image, from `evaluate --csv`; several seeds by comma",
     )
+    parser.add_argument(
+        "--metric",
+        action="append",
+        help=f"column that `--difference` compares (default {', '.join(METRICS)})",
+    )
     parser.add_argument("--model", type=Path, action="append", default=[], help="draw its depth")
     add_data_options(parser, required=False)
     parser.add_argument("--ids", type=Path, help="images to show with `--model`")
@@ -57,7 +62,10 @@ def run(options: argparse.Namespace) -> int:
         parts += ["## Meters\n", metric_table(evaluations)]
         parts += ["## Stretched per image\n", paper_table(evaluations)]
     if options.difference:
-        parts += ["## Differences\n", difference_table(options.difference)]
+        parts += [
+            "## Differences\n",
+            difference_table(options.difference, options.metric or METRICS),
+        ]
     if options.run:
         loss_curves(options.run, options.out / "losses.png")
         parts.append("![loss curves](losses.png)\n")

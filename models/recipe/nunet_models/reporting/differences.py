@@ -10,7 +10,7 @@ METRICS = ("rmse", "abs_rel", "delta1", "minmax_mse")
 """Means over images; those that neither network has are omitted."""
 
 
-def difference_table(pairs: Sequence[tuple[str, str]]) -> str:
+def difference_table(pairs: Sequence[tuple[str, str]], metrics: Sequence[str] = METRICS) -> str:
     """A row per metric of each pair of networks.
 
     Each network is a comma-separated list of files of `evaluate --csv`, one per seed, whose mean
@@ -20,7 +20,7 @@ def difference_table(pairs: Sequence[tuple[str, str]]) -> str:
     for pair in pairs:
         files = [[Path(name) for name in text.split(",")] for text in pair]
         names = tuple(", ".join(path.stem for path in paths) for paths in files)
-        for metric in METRICS:
+        for metric in metrics:
             first, second = (read_scores(paths, metric) for paths in files)
             if _any(first) or _any(second):
                 rows.append((*names, metric, *_cells(first, second)))
