@@ -77,8 +77,9 @@ mod tests {
             message(roll_pitch_rad, header()).orientation.map(|value| (value * 1e6).round() / 1e6)
         };
         let quarter = std::f32::consts::FRAC_PI_2;
-        assert_eq!(rounded([quarter, 0.0]), [0.707_107, 0.0, 0.0, 0.707_107]);
-        assert_eq!(rounded([0.0, quarter]), [0.0, 0.707_107, 0.0, 0.707_107]);
+        let half_root = (std::f64::consts::FRAC_1_SQRT_2 * 1e6).round() / 1e6;
+        assert_eq!(rounded([quarter, 0.0]), [half_root, 0.0, 0.0, half_root]);
+        assert_eq!(rounded([0.0, quarter]), [0.0, half_root, 0.0, half_root]);
         assert_eq!(rounded([quarter, quarter]), [0.5, 0.5, -0.5, 0.5]);
     }
 
