@@ -21,7 +21,7 @@ def notes(tmp_path):
 def test_a_file_needs_a_folder_and_may_exist(tmp_path, notes):
     for path in (None, notes, tmp_path / "new.csv"):
         check_output_file("--csv", path)
-    with pytest.raises(ConfigError, match="`--csv .*` is a folder; expected the name of a file"):
+    with pytest.raises(ConfigError, match=r"`--csv .*` is a folder; expected the name of a file"):
         check_output_file("--csv", tmp_path)
     with pytest.raises(ConfigError, match="absent` is not a folder") as raised:
         check_output_file("--csv", tmp_path / "absent" / "rows.csv")

@@ -60,7 +60,7 @@ def test_an_attitude_is_published_and_wrong_angles_are_refused():
         for wrong in (90.0, float("nan")):
             with pytest.raises(ValueError, match="attitude: pitch is"):
                 attitude.publish(0.0, wrong)
-        with pytest.raises(TypeError, match="`roll` is `'0.1'`; expected a number of radians"):
+        with pytest.raises(TypeError, match=r"`roll` is `'0.1'`; expected a number of radians"):
             attitude.publish("0.1", 0.0)
         with pytest.raises(nunet.NunetError, match="already published"):
             nunet.AttitudePublisher(name)
