@@ -50,7 +50,7 @@ def test_folders_that_the_command_makes_may_be_missing(tmp_path, notes):
         ],
         ["quantize", "--model", str(TINY), "--out", "{}/int8.onnx"],
         ["export", "--untrained", "unet", "--out", "{}/model.onnx"],
-        ["train", "--component", "depth", "--run", "{}/run"],
+        ["train", "--component", "depth", "--epochs", "1", "--run", "{}/run"],
     ],
 )
 def test_no_command_starts_its_work(notes, capsys, command):
