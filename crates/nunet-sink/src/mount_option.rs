@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use nunet_core::obstacle::{Mount, ObstacleError, check_angles, check_position};
+use nunet_core::obstacle::{Mount, ObstacleError, check_pose};
 use nunet_mcap::CameraMount;
 use nunet_types::text_with_hint;
 
@@ -41,8 +41,7 @@ impl FromStr for MountOption {
                 if [x, y, z, roll, pitch, yaw].iter().all(|number| number.is_finite()) =>
             {
                 let (translation_m, roll_pitch_yaw_rad) = ([x, y, z], [roll, pitch, yaw]);
-                let checked = check_position(translation_m).and_then(|()| check_angles(roll_pitch_yaw_rad));
-                checked.map_err(|error| text_with_hint(&error))?;
+                check_pose(translation_m, roll_pitch_yaw_rad).map_err(|error| text_with_hint(&error))?;
                 Ok(Self { translation_m, roll_pitch_yaw_rad })
             }
             _ => Err("expected six numbers `x,y,z,roll,pitch,yaw`: meters, then radians".to_owned()),

@@ -62,7 +62,7 @@ mod voxels;
 pub use error::ObstacleError;
 pub use floor_view::FloorView;
 pub use ground::Ground;
-pub use mount::{Mount, check_angles, check_position};
+pub use mount::{Mount, check_pose};
 pub use nunet_types::{ObstacleMap, ObstaclePoint, ObstacleSector, SectorState};
 pub use options::ObstacleOptions;
 

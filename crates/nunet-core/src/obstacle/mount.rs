@@ -48,8 +48,7 @@ impl Mount {
         if let Some((what, value)) = named.into_iter().find(|(_, value)| !value.is_finite()) {
             return Err(ObstacleError::MountNotFinite { what, value });
         }
-        check_position(position_m)?;
-        check_angles(roll_pitch_yaw_rad)?;
+        check_pose(position_m, roll_pitch_yaw_rad)?;
         if z <= 0.0 {
             return Err(ObstacleError::CameraBelowFloor { height_m: z });
         }
@@ -123,24 +122,16 @@ impl Mount {
     }
 }
 
-/// Checks that a camera is at most 1 km from the origin of the base.
+/// Checks that a camera is at most 1 km from the origin of the base, and that roll, pitch and yaw are within a turn of 2π.
+/// Larger angles are degrees.
 ///
 /// # Errors
-/// It is farther, or a number is NaN.
-pub fn check_position([x, y, z]: [f64; 3]) -> Result<(), ObstacleError> {
+/// It is farther, a coordinate is NaN, or the first angle that is larger.
+pub fn check_pose([x, y, z]: [f64; 3], [roll, pitch, yaw]: [f64; 3]) -> Result<(), ObstacleError> {
     let distance_m = x.hypot(y).hypot(z);
-    if distance_m <= MAX_DISTANCE_M {
-        Ok(())
-    } else {
-        Err(ObstacleError::MountTooFar { distance_m, max_m: MAX_DISTANCE_M })
+    if distance_m.is_nan() || distance_m > MAX_DISTANCE_M {
+        return Err(ObstacleError::MountTooFar { distance_m, max_m: MAX_DISTANCE_M });
     }
-}
-
-/// Checks that roll, pitch and yaw are within a turn of 2π. Larger numbers are degrees.
-///
-/// # Errors
-/// The first angle that is not.
-pub fn check_angles([roll, pitch, yaw]: [f64; 3]) -> Result<(), ObstacleError> {
     let named = [("roll", roll), ("pitch", pitch), ("yaw", yaw)];
     match named.into_iter().find(|(_, value)| value.abs() > TAU) {
         Some((what, value)) => Err(ObstacleError::MountAngle { what, value }),
