@@ -3,8 +3,6 @@
 use crate::cdr;
 use crate::messages::{Header, Imu};
 
-/// The coordinate frame whose attitude is stated.
-pub(crate) const BASE_FRAME: &str = "base_link";
 /// What the first value of a covariance says if the quantity is not measured (`sensor_msgs/msg/Imu`).
 const NOT_MEASURED: [f64; 9] = [-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 
@@ -50,6 +48,7 @@ pub(crate) fn read(data: &[u8]) -> Option<(i64, [f32; 2])> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::BASE_FRAME;
     use crate::messages::Time;
 
     fn encoded(roll_pitch_rad: [f32; 2]) -> Vec<u8> {

@@ -91,7 +91,7 @@ pub use error::{RecordingError, RecordingErrorKind};
 pub use frame_record::{CloudRecord, DepthRecord, EncodedImage, FrameRecord, ScaleRecord, WriterOptions};
 pub use image::RecordedImage;
 pub use live::TopicDecoder;
-pub use mount::CameraMount;
+pub use mount::{BASE_FRAME, CameraMount};
 pub use obstacles::ObstaclesRecord;
 pub use other_files::{conversion_hint, recording_of_another_format};
 pub use parts::{files, is_recording};

@@ -2,6 +2,9 @@
 
 use crate::messages::{Header, TransformStamped};
 
+/// The coordinate frame of the robot's base (REP 105).
+pub const BASE_FRAME: &str = "base_link";
+
 /// A camera's pose on the robot: the body frame (x forward, y left, z up) of the camera in the robot's
 /// `base_link`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,7 +29,7 @@ impl CameraMount {
         );
         const OPTICAL_IN_BODY: [f64; 4] = [-0.5, 0.5, -0.5, 0.5];
         TransformStamped {
-            header: Header { stamp: header.stamp, frame_id: "base_link".into() },
+            header: Header { stamp: header.stamp, frame_id: BASE_FRAME.into() },
             child_frame_id: header.frame_id.clone(),
             translation: self.translation_m,
             rotation: product(body, OPTICAL_IN_BODY),

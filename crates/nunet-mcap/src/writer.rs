@@ -5,8 +5,8 @@ use std::fs::{File, TryLockError};
 use std::io::{BufWriter, ErrorKind};
 use std::path::{Path, PathBuf};
 
+use crate::BASE_FRAME;
 use crate::RecordingError;
-use crate::attitude::BASE_FRAME;
 use crate::file_end::FileEnd;
 use crate::frame_record::{DepthRecord, FrameRecord, ScaleRecord, WriterOptions};
 use crate::messages::{Header, Schema, Time};

@@ -2,9 +2,8 @@
 
 use nunet_core::obstacle::{ObstacleOptions, Obstacles};
 use nunet_ipc::{CONTRACT_VERSION, ObstacleRecord};
+use nunet_mcap::BASE_FRAME;
 
-/// The base of the robot (REP 105), in which the camera is mounted.
-const BASE_FRAME: &str = "base_link";
 /// The base without its roll and pitch (REP 120).
 const LEVEL_BASE_FRAME: &str = "base_footprint";
 
