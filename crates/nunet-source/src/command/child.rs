@@ -93,14 +93,7 @@ impl Running {
 impl Ending {
     /// Waits up to `timeout` for the end. Returns itself if that is too short.
     pub(super) fn wait(mut self, timeout: Duration) -> Result<Ended, Self> {
-        let deadline = Instant::now() + timeout;
-        while self.0.as_ref().is_some_and(|thread| !thread.is_finished()) {
-            if Instant::now() >= deadline {
-                return Err(self);
-            }
-            std::thread::sleep(STEP);
-        }
-        Ok(self.join())
+        if is_true_within(timeout, || has_ended(&self.0)) { Ok(self.join()) } else { Err(self) }
     }
 
     fn join(&mut self) -> Ended {
@@ -159,16 +152,25 @@ fn end(mut child: Child) -> Option<ExitStatus> {
 
 /// Whether a child ends in time. It is not collected.
 fn ends_within(pid: Pid, time: Duration) -> bool {
-    let deadline = Instant::now() + time;
     let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
-    loop {
-        match waitid(WaitId::Pid(pid), options) {
-            Ok(None) if Instant::now() < deadline => std::thread::sleep(STEP),
-            Ok(None) => return false,
-            // An error: there is no such child.
-            Ok(Some(_)) | Err(_) => return true,
+    // An error: there is no such child.
+    is_true_within(time, || !matches!(waitid(WaitId::Pid(pid), options), Ok(None)))
+}
+
+fn has_ended<T>(thread: &Option<JoinHandle<T>>) -> bool {
+    thread.as_ref().is_none_or(JoinHandle::is_finished)
+}
+
+/// Waits up to `time` until `condition` is true.
+fn is_true_within(time: Duration, mut condition: impl FnMut() -> bool) -> bool {
+    let deadline = Instant::now() + time;
+    while !condition() {
+        if Instant::now() >= deadline {
+            return false;
         }
+        std::thread::sleep(STEP);
     }
+    true
 }
 
 impl LastLine {
@@ -184,10 +186,7 @@ impl LastLine {
 
     /// The line, after the thread had a moment to read it.
     fn get(&self) -> String {
-        let deadline = Instant::now() + GRACE / 5;
-        while self.reader.as_ref().is_some_and(|reader| !reader.is_finished()) && Instant::now() < deadline {
-            std::thread::sleep(STEP);
-        }
+        is_true_within(GRACE / 5, || has_ended(&self.reader));
         self.line.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
