@@ -1,6 +1,9 @@
-"""Text files of users, and checks of output files before the work."""
+"""Text files of users, tables, and checks of output files before the work."""
 
+import csv
+import math
 import os
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from nunet_models.errors import ConfigError, DataError
@@ -16,6 +19,23 @@ def read_text(path: Path, what: str) -> str:
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise DataError(f"`{path}` is not {what} in UTF-8: {error}") from error
+
+
+def finite(text: str | None) -> float | None:
+    """The number that a cell states; None if it states none, or one that is not finite."""
+    try:
+        number = float(text or "")
+    except ValueError:
+        return None
+    return number if math.isfinite(number) else None
+
+
+def write_table(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, object]]) -> None:
+    """Write a CSV file; None becomes an empty cell."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, fieldnames=columns)
+        writer.writeheader()
+        writer.writerows(rows)
 
 
 def check_output_file(option: str, path: Path | None, *, makes_folders: bool = False) -> None:

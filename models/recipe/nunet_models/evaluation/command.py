@@ -1,7 +1,6 @@
 """The subcommand `evaluate`."""
 
 import argparse
-import csv
 import json
 import math
 import sys
@@ -34,7 +33,7 @@ from nunet_models.evaluation.flat_command import run_flat_images
 from nunet_models.evaluation.predict import Predictor
 from nunet_models.evaluation.protocol import MIN_DEPTH_M, PROTOCOLS
 from nunet_models.evaluation.sets_command import run_sets
-from nunet_models.files import check_output_file
+from nunet_models.files import check_output_file, write_table
 
 MUCH_BEYOND = 0.05  # of the truth; rooms of NYU Depth V2 and 7-Scenes have next to none there
 
@@ -138,7 +137,7 @@ def run(options: argparse.Namespace) -> int:
     if options.clip:
         found["clip"] = clip_metrics(_progress(pairs, "as a clip"), _predict(predictor, options))
     if options.csv:
-        _write_csv(options.csv, comparison)
+        write_table(options.csv, ROW, comparison.per_image)
     print(json.dumps(found, indent=1))
     return 0
 
@@ -253,11 +252,3 @@ def _baseline(options: argparse.Namespace, pairs: Pairs) -> dict[str, object] | 
         return None
     training = open_pairs(options, options.baseline_ids)
     return named_baseline(training, images, protocol=protocol, save=options.save_baseline)
-
-
-def _write_csv(path: Path, comparison: Comparison) -> None:
-    """One row per image; a metric that could not be measured is left empty."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, fieldnames=ROW)
-        writer.writeheader()
-        writer.writerows(comparison.per_image)

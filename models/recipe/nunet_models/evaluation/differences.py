@@ -2,7 +2,6 @@
 
 import csv
 import io
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,7 @@ import numpy as np
 
 from nunet_models.errors import DataError
 from nunet_models.evaluation.compare import ROW
-from nunet_models.files import read_text
+from nunet_models.files import finite, read_text
 
 RESAMPLES = 10_000
 COVERAGE = 0.95
@@ -107,11 +106,8 @@ def _number(text: str | None, path: Path, line: int) -> float | None:
     """A metric; None where it could not be measured, which is an empty cell."""
     if not text:
         return None
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
+    number = finite(text)
+    if number is None:
         raise DataError(f"`{path}`, line {line}: `{text}` is not a number")
     return number
 

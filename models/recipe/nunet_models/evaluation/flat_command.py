@@ -1,22 +1,21 @@
 """`evaluate --flat-images`: the relief that a network predicts on flat panes."""
 
 import argparse
-import csv
 import json
-from pathlib import Path
 
 from tqdm import tqdm
 
 from nunet_models.errors import ConfigError, DataError
 from nunet_models.evaluation.predict import Predictor
 from nunet_models.evaluation.relief import METRICS, FlatImages, means_by_kind, pane_metrics
-from nunet_models.zoo.spec import Camera
+from nunet_models.files import check_output_file, write_table
 
 COLUMNS = ("id", "kind", *METRICS)
 
 
 def run_flat_images(options: argparse.Namespace) -> int:
     """Carry out `evaluate --flat-images`; prints JSON."""
+    check_output_file("--csv", options.csv)
     predictor = Predictor(options.model, threads=options.threads)
     if not predictor.metric:
         raise ConfigError(
@@ -24,7 +23,7 @@ def run_flat_images(options: argparse.Namespace) -> int:
             f"`{predictor.encoding}`"
         )
     images = FlatImages(options.flat_images)
-    training = Camera(**json.loads(predictor.metadata["nunet.camera"]))
+    training = predictor.camera
     rows, hidden = [], 0
     for index in tqdm(range(len(images)), desc=predictor.path.name, unit="image", disable=None):
         image = images[index]
@@ -35,14 +34,7 @@ def run_flat_images(options: argparse.Namespace) -> int:
     if not rows:
         raise DataError(f"no pane of `{options.flat_images}` is visible")
     if options.csv:
-        _write_csv(options.csv, rows)
+        write_table(options.csv, COLUMNS, rows)
     kinds = means_by_kind(rows)
     print(json.dumps({"model": options.model.name, "hidden": hidden, "panes": kinds}, indent=1))
     return 0
-
-
-def _write_csv(path: Path, rows: list[dict[str, str | float]]) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, fieldnames=COLUMNS)
-        writer.writeheader()
-        writer.writerows(rows)

@@ -4,6 +4,7 @@ Each pane is measured twice: as it is, and gray. What differs is made by what th
 """
 
 import csv
+import io
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ from nunet_models.data.sets.cameras import Pinhole, read_intrinsics
 from nunet_models.errors import DataError
 from nunet_models.evaluation.compare import Predict
 from nunet_models.evaluation.sets import focal_factor
+from nunet_models.files import read_text
 from nunet_models.rendering.folder import INTRINSICS, VIEWS
 from nunet_models.rendering.panes import PANES, PLAIN
 from nunet_models.zoo.spec import Camera
@@ -84,8 +86,8 @@ def _kinds(path: Path) -> dict[str, str]:
         raise DataError(
             f"cannot read `{path}`: no such file", hint="`render --flat-images` writes this folder"
         )
-    with path.open(newline="", encoding="utf-8") as file:
-        return {row["id"]: row["kind"] for row in csv.DictReader(file)}
+    rows = csv.DictReader(io.StringIO(read_text(path, "a table")))
+    return {row["id"]: row["kind"] for row in rows}
 
 
 def relief(depth_m: np.ndarray, pane: np.ndarray) -> float:

@@ -7,11 +7,10 @@ so whatever a network predicts differently comes from what the pane shows.
 
 from __future__ import annotations
 
-import io
 import logging
 import math
 from dataclasses import dataclass
-from pathlib import Path
+from functools import partial
 from random import Random
 
 import bpy
@@ -23,9 +22,9 @@ from nunet_models.rendering import equipment, kinds, materials
 from nunet_models.rendering.camera import add_camera, turned
 from nunet_models.rendering.fast import FastRenderer
 from nunet_models.rendering.floorplan import SIDES
-from nunet_models.rendering.folder import Rendered, RoomsFolder, replace_file
+from nunet_models.rendering.folder import Rendered, RoomsFolder, replace_image
 from nunet_models.rendering.furnisher import Furnisher
-from nunet_models.rendering.generator import SENSOR_NAME, Options
+from nunet_models.rendering.generator import SENSOR_NAME, Options, keep_photos
 from nunet_models.rendering.intrinsics import Intrinsics, random_intrinsics
 from nunet_models.rendering.panes import MIRROR, MURAL, PANE_KINDS, PANES, PLAIN, POSTER, SCREEN
 from nunet_models.rendering.scene import clear
@@ -151,26 +150,18 @@ def _write(name: str, pane: Pane, view: View, renderer: FastRenderer, folder: Ro
         sensor.develop(image, np.random.default_rng(seed), metered) for image in (light, plain)
     )
     folder.write_image(name, Rendered(rgb, depth_m, labels, view.intrinsics, sensor.quality))
-    _write_file(folder.path / f"{PLAIN}/{name}.jpg", gray, quality=sensor.quality)
+    replace_image(folder.path / f"{PLAIN}/{name}.jpg", gray, quality=sensor.quality)
     shown = Image.fromarray(np.where(mask, 255, 0).astype(np.uint8))
-    _write_file(folder.path / f"{PANES}/{name}.png", shown)
-
-
-def _write_file(path: Path, image: Image.Image, **options: int) -> None:
-    buffer = io.BytesIO()
-    image.save(buffer, "JPEG" if path.suffix == ".jpg" else "PNG", **options)
-    replace_file(path, buffer.getvalue())
+    replace_image(folder.path / f"{PANES}/{name}.png", shown)
 
 
 def _photos(options: Options) -> list[str]:
     """Images of furnished random rooms that no other subcommand renders."""
-    folder = options.out / "photos"
-    folder.mkdir(parents=True, exist_ok=True)
-    paths = [folder / f"room{number:02d}.jpg" for number in range(PHOTOS)]
-    for number, path in enumerate(paths):
-        if not path.exists():
-            _write_file(path, _photo(f"flat photo {number}", options), quality=90)
-    return [str(path.resolve()) for path in paths]
+    wanted = {
+        f"room{number:02d}": partial(_photo, f"flat photo {number}", options)
+        for number in range(PHOTOS)
+    }
+    return keep_photos(options.out, wanted)
 
 
 def _photo(seed_text: str, options: Options) -> Image.Image:

@@ -67,15 +67,11 @@ class RoomsFolder:
 
     def write_image(self, identity: str, image: Rendered) -> None:
         """Image, depth and labels, each renamed to its final name only when complete."""
-        buffer = io.BytesIO()
-        image.rgb.save(buffer, "JPEG", quality=image.quality)
-        replace_file(self.path / f"rgb/{identity}.jpg", buffer.getvalue())
+        replace_image(self.path / f"rgb/{identity}.jpg", image.rgb, quality=image.quality)
         millimeters = np.nan_to_num(np.rint(image.depth_m * 1000), nan=0)
         depth = Image.fromarray(millimeters.clip(0, MAX_DEPTH_MM).astype(np.uint16))
         for name, plane in (("depth", depth), ("labels", Image.fromarray(image.labels))):
-            buffer = io.BytesIO()
-            plane.save(buffer, "PNG", compress_level=6)
-            replace_file(self.path / f"{name}/{identity}.png", buffer.getvalue())
+            replace_image(self.path / f"{name}/{identity}.png", plane, compress_level=6)
 
     def finish_room(
         self, room: str, images: dict[str, tuple[Intrinsics, Placement]], sensor: str
@@ -140,3 +136,10 @@ def replace_file(path: Path, content: bytes) -> None:
     temporary = path.with_name(f".{path.name}.part")
     temporary.write_bytes(content)
     temporary.replace(path)
+
+
+def replace_image(path: Path, image: Image.Image, **options: int) -> None:
+    """Write a JPEG or PNG file as `replace_file` does; `options` are Pillow's."""
+    buffer = io.BytesIO()
+    image.save(buffer, "JPEG" if path.suffix == ".jpg" else "PNG", **options)
+    replace_file(path, buffer.getvalue())

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-import io
 import logging
 import time
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from random import Random
 
 import bpy
 import numpy as np
+from PIL import Image
 
 from nunet_models.rendering import clip_rooms, kinds
 from nunet_models.rendering.camera import add_camera, set_intrinsics
 from nunet_models.rendering.fast import FastRenderer
-from nunet_models.rendering.folder import Placement, Rendered, RoomsFolder, replace_file
+from nunet_models.rendering.folder import Placement, Rendered, RoomsFolder, replace_image
 from nunet_models.rendering.intrinsics import Intrinsics
 from nunet_models.rendering.scene import clear
 from nunet_models.rendering.sensor import Sensor
@@ -98,25 +100,30 @@ def _render_view(identity: str, view: View, renderer: FastRenderer) -> Rendered:
 
 def render_photos(options: Options) -> list[str]:
     """Images of the clip's furnished rooms, for posters, murals and screens of other rooms."""
-    folder = options.out / "photos"
+    wanted = {
+        f"{room}{frame}": partial(_photo, room, frame, options)
+        for room in sorted(clip_rooms.ROOMS)
+        for frame in range(PHOTOS_PER_ROOM)
+    }
+    return keep_photos(options.out, wanted)
+
+
+def keep_photos(out: Path, wanted: Mapping[str, Callable[[], Image.Image]]) -> list[str]:
+    """Paths of named images in `out/photos`; those that are not there yet are made."""
+    folder = out / "photos"
     folder.mkdir(parents=True, exist_ok=True)
-    names = [(room, frame) for room in sorted(clip_rooms.ROOMS) for frame in range(PHOTOS_PER_ROOM)]
-    paths = [folder / f"{room}{frame}.jpg" for room, frame in names]
-    for (room, frame), path in zip(names, paths, strict=True):
+    paths = {folder / f"{name}.jpg": made for name, made in wanted.items()}
+    for path, made in paths.items():
         if not path.exists():
-            replace_file(path, _photo(room, frame, options))
+            replace_image(path, made(), quality=90)
     return [str(path.resolve()) for path in paths]
 
 
-def _photo(room: str, frame: int, options: Options) -> bytes:
+def _photo(room: str, frame: int, options: Options) -> Image.Image:
     clear()
     shot = clip_rooms.ROOMS[room](Random(f"photo {room}"))
     camera = add_camera(Intrinsics().scaled(0.5), bpy.context.scene)
     camera.matrix_world = shot.motion.pose(12 * frame)
     renderer = FastRenderer(options.samples, options.threads, AMBIENT)
     sensor = Sensor(0.2, 0.7, 0.5, 1.0, 1.0, 0.5, 0.0, 0.1, 90)
-    buffer = io.BytesIO()
-    sensor.develop(renderer.light(frame), np.random.default_rng(frame)).save(
-        buffer, "JPEG", quality=90
-    )
-    return buffer.getvalue()
+    return sensor.develop(renderer.light(frame), np.random.default_rng(frame))

@@ -11,7 +11,7 @@ import numpy as np
 from PIL import Image
 
 from nunet_models.classes import CLASSES_13
-from nunet_models.rendering.folder import replace_file
+from nunet_models.rendering.folder import replace_file, replace_image
 from nunet_models.rendering.intrinsics import Intrinsics
 
 FOLDERS = ("rgb", "depth", "labels")
@@ -22,16 +22,12 @@ def write_truth(out: Path, identity: str, depth_m: np.ndarray, labels: np.ndarra
     """Depth (`[H, W]`, meters, NaN = none) and labels of one image, labels last."""
     millimeters = np.nan_to_num(np.rint(depth_m * 1000), nan=0).astype(np.uint16)
     for folder, plane in (("depth", millimeters), ("labels", labels)):
-        buffer = io.BytesIO()
-        Image.fromarray(plane).save(buffer, "PNG", optimize=True)
-        replace_file(out / f"{folder}/{identity}.png", buffer.getvalue())
+        replace_image(out / f"{folder}/{identity}.png", Image.fromarray(plane), optimize=True)
 
 
 def write_rgb(out: Path, identity: str, rgb: Image.Image, quality: int) -> None:
     """One image as JPEG."""
-    buffer = io.BytesIO()
-    rgb.save(buffer, "JPEG", quality=quality, optimize=True)
-    replace_file(out / f"rgb/{identity}.jpg", buffer.getvalue())
+    replace_image(out / f"rgb/{identity}.jpg", rgb, quality=quality, optimize=True)
 
 
 def write_camera(out: Path, camera: Intrinsics, frames_per_second: float) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from nunet_models.errors import DataError
-from nunet_models.files import read_text
+from nunet_models.files import finite, read_text
 
 COLUMNS = ("id", "fx", "fy", "cx", "cy", "width", "height", "sensor", "scene")
 _REQUIRED = COLUMNS[:7]
@@ -86,11 +86,8 @@ def read_intrinsics(path: Path, *, growing: bool = False) -> dict[str, Row]:
 def _row(values: dict[str, str | None], where: str) -> Row:
     numbers = []
     for name in _REQUIRED[1:]:
-        try:
-            number = float(values[name] or "")
-        except ValueError:
-            number = math.nan
-        if not math.isfinite(number):
+        number = finite(values[name])
+        if number is None:
             raise DataError(f"{where}: `{name}` is `{values[name]}`, expected a number")
         numbers.append(number)
     width, height = numbers[4:]
