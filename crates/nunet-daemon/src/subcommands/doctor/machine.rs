@@ -57,7 +57,7 @@ fn overcommit(mode: &str) -> Finding {
         "2" => "never",
         _ => "unknown",
     };
-    Ok(format!("overcommit: {meaning}; a camera's memory is prefaulted at startup, so it cannot fail later"))
+    Ok(format!("{meaning}; a camera's memory is prefaulted at startup, so it cannot fail later"))
 }
 
 fn clock(unix_seconds: u64) -> Finding {
