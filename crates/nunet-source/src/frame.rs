@@ -57,6 +57,8 @@ pub struct Frame {
     pub format: Option<PixelFormat>,
     /// Counts the source's frames from 0, readable or not.
     pub sequence: u64,
+    /// Frames since the last one that newer ones replaced before they left the source.
+    pub superseded: u64,
     /// Time of capture.
     pub capture: CaptureTime,
     /// When the source delivered it, nanoseconds of `CLOCK_MONOTONIC`.

@@ -120,7 +120,7 @@ pub struct Ros2Source {
     /// The bytes of the last message.
     message: Vec<u8>,
     camera_message: Vec<u8>,
-    /// Images so far, also lost ones.
+    /// Images so far, also lost and replaced ones.
     count: u64,
     /// The first image that came without its camera.
     first_image: Option<Instant>,
@@ -190,7 +190,7 @@ impl Ros2Source {
         Ok(match taken {
             Arrival::Message(received) => self.describe(received, frame)?,
             Arrival::TooLarge { bytes, limit } => {
-                self.number(frame, 0);
+                self.number(frame, 0, 0);
                 Fill::Failed(SourceError::bad_frame(format!(
                     "a message on topic `{}` has {bytes} bytes, expected at most {limit}",
                     self.topic
@@ -236,16 +236,16 @@ impl Ros2Source {
     }
 
     fn describe(&mut self, received: Received, frame: &mut Frame) -> Result<Fill, Ros2Error> {
-        let lost = received.lost + received.replaced;
-        self.losses.add(received.lost, &self.topic);
+        let Received { lost, replaced, .. } = received;
+        self.losses.add(lost, &self.topic);
         let Some(Images { decoder, .. }) = &self.images else { return Ok(Fill::Nothing) };
         let decoder = *decoder;
         self.update_camera(decoder);
         if self.is_camera_expected()? {
-            self.count += lost + 1;
+            self.count += lost + replaced + 1;
             return Ok(Fill::Nothing);
         }
-        self.number(frame, lost);
+        self.number(frame, lost, replaced);
         Ok(match decoder.image(&self.message, &mut self.image) {
             Ok(()) => self.fill_image(received, frame),
             Err(reason) => {
@@ -285,10 +285,10 @@ impl Ros2Source {
         Ok(!self.has_description && !is_late && self.cameras.update()? > 0)
     }
 
-    /// Numbers a frame, after `lost` others.
-    fn number(&mut self, frame: &mut Frame, lost: u64) {
-        self.count += lost + 1;
-        frame.sequence = self.count - 1;
+    /// Numbers a frame, after others that were lost or replaced.
+    fn number(&mut self, frame: &mut Frame, lost: u64, replaced: u64) {
+        self.count += lost + replaced + 1;
+        (frame.sequence, frame.superseded) = (self.count - 1, replaced);
     }
 
     fn remind_of_silence(&mut self) {

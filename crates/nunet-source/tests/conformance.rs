@@ -258,6 +258,31 @@ fn a_live_message_keeps_its_stamp_and_its_coordinate_frame() {
     }
 }
 
+/// Each round sends more messages than wait for the source. On a busy machine, some may arrive while it takes others.
+#[cfg(all(feature = "ros2-dds", feature = "ros2-zenoh"))]
+#[test]
+fn live_messages_that_newer_ones_replace_are_superseded() {
+    const MESSAGES: u64 = 20;
+    const ROUNDS: u64 = 100;
+    for network in [dds(), zenoh()] {
+        let (mut source, mut offer) = ros2(&network);
+        let (mut frame, mut frames, mut superseded) = (Frame::default(), 0, 0);
+        for round in 1..=ROUNDS {
+            (0..MESSAGES).for_each(|_| offer(0));
+            while frames + superseded < round * MESSAGES {
+                assert!(matches!(next(source.as_mut(), &mut frame), Fill::Frame));
+                frames += 1;
+                superseded += frame.superseded;
+            }
+            if superseded > 0 {
+                break;
+            }
+        }
+        assert!(superseded > 0, "none of {frames} was replaced");
+        assert_eq!(frame.sequence + 1, frames + superseded);
+    }
+}
+
 /// Any source can be rotated.
 fn rotated(source: Box<dyn Source>) -> Box<dyn Source> {
     Box::new(Rotated::new(source, Some(Rotation::Quarter)))

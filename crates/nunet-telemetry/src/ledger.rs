@@ -7,7 +7,7 @@ use serde::Serialize;
 /// The counts of a stream at one moment.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct Counts {
-    /// Frames that the source delivered, readable or not.
+    /// Frames that reached the source, readable or not.
     pub captured: u64,
     /// Published frames.
     pub published: u64,
@@ -61,6 +61,14 @@ impl Ledger {
         self.update(|counts| {
             counts.captured += 1;
             counts.in_flight += 1;
+        });
+    }
+
+    /// Counts frames that newer ones replaced before the source delivered them.
+    pub fn superseded(&self, count: u64) {
+        self.update(|counts| {
+            counts.captured += count;
+            counts.superseded += count;
         });
     }
 

@@ -99,7 +99,7 @@ impl Families {
         };
         let help = "1 while the source delivers frames, 0 while it is retried and after its end";
         registry.register("camera_up", help, families.up.clone());
-        registry.register("frames_captured", "Frames that the source delivered", families.captured.clone());
+        registry.register("frames_captured", "Frames that reached the source", families.captured.clone());
         registry.register("frames_ended", "Published, superseded and failed frames", families.ended.clone());
         registry.register("frames_in_flight", "Frames that are not finished", families.in_flight.clone());
         let help = "Published frames per second since the start";

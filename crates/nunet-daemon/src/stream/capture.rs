@@ -42,6 +42,7 @@ impl FrameHandler for MailboxFiller<'_> {
 
     fn on_frame(&mut self, mut frame: Frame) -> anyhow::Result<ControlFlow<()>> {
         let StreamState { mailbox, ledger, stop, .. } = self.state;
+        ledger.superseded(frame.superseded);
         ledger.captured();
         frame.ready_nanos = MonotonicClock.nanos();
         frame.in_real_time = self.latest_wins;
@@ -57,9 +58,11 @@ impl FrameHandler for MailboxFiller<'_> {
     }
 
     fn on_lost(&mut self, frame: Frame) {
-        self.state.ledger.captured();
-        self.state.ledger.ended(FrameEnd::Failed);
-        self.state.mailbox.give_back(frame);
+        let StreamState { mailbox, ledger, .. } = self.state;
+        ledger.superseded(frame.superseded);
+        ledger.captured();
+        ledger.ended(FrameEnd::Failed);
+        mailbox.give_back(frame);
     }
 
     /// If the source lends no more frames, the waiting frame is dropped for a newer one. If none waits, the one being
@@ -177,6 +180,29 @@ mod tests {
         assert!(counts.superseded > 0);
         assert_eq!(counts.published + counts.superseded, 1000);
         assert!(counts.balances() && counts.in_flight == 0);
+    }
+
+    /// A frame that replaced one, an unreadable frame that replaced two, and the end.
+    struct Replacing(u64);
+
+    impl Source for Replacing {
+        fn fill(&mut self, frame: &mut Frame) -> Fill {
+            self.0 += 1;
+            frame.superseded = self.0;
+            match self.0 {
+                1 => Fill::Frame,
+                2 => Fill::Failed(crate::source::SourceError::bad_frame("unreadable")),
+                _ => Fill::End,
+            }
+        }
+    }
+
+    #[test]
+    fn frames_that_were_replaced_within_the_source_are_superseded() {
+        let state = StreamState::default();
+        capture(&mut Replacing(0), Pace::ALL, &state).unwrap();
+        let expected = Counts { captured: 5, superseded: 3, failed: 1, in_flight: 1, ..Counts::default() };
+        assert_eq!(state.ledger.counts(), expected);
     }
 
     #[test]

@@ -157,6 +157,7 @@ impl<H: Host> V4l2Camera<H> {
         stream.last_nanos = Some(now.monotonic_nanos);
         self.sequence += count;
         frame.sequence = self.sequence - 1;
+        frame.superseded = count - 1;
         frame.segment = self.segment;
         frame.capture = capture(&buffer, now);
         frame.camera = None;

@@ -344,11 +344,11 @@ fn of_several_images_the_newest_is_taken_and_the_others_go_back_to_the_driver() 
     let mut frame = Frame::default();
     assert!(matches!(video.fill(&mut frame), Fill::Frame));
     assert_eq!(frame.view().unwrap().bytes(), [4; 8]);
-    assert_eq!(frame.sequence, 3, "those that were passed over count");
+    assert_eq!((frame.sequence, frame.superseded), (3, 3), "those that were passed over count");
     assert!(video.is_live(), "and so it is behind the source");
     host.shoot([5; 8]);
     assert!(matches!(video.fill(&mut frame), Fill::Frame));
-    assert_eq!((frame.view().unwrap().bytes(), frame.sequence), (&[5; 8][..], 4));
+    assert_eq!((frame.view().unwrap().bytes(), frame.sequence, frame.superseded), (&[5; 8][..], 4, 0));
     let world = host.world();
     assert_eq!((world.held, world.most_held), (0, 2), "one is kept while the next is looked at");
 }
