@@ -82,3 +82,19 @@ mod zenoh_link {
         Err(MISSING)
     }
 }
+
+#[cfg(all(test, feature = "ros2-dds"))]
+mod tests {
+    use super::*;
+    use crate::environment::DiscoveryRange;
+
+    #[test]
+    fn names_of_one_domain_share_a_connection() {
+        let environment =
+            Environment { domain: 86, range: DiscoveryRange::Localhost, ..Environment::default() };
+        let open = |name: &str| connect(&name.parse().unwrap(), &environment).unwrap();
+        let default = open("dds");
+        assert!(Arc::ptr_eq(&default, &open("dds:86")));
+        assert!(!Arc::ptr_eq(&default, &open("dds:85")));
+    }
+}

@@ -89,7 +89,7 @@ impl Ros2Node {
 }
 
 /// Each connection once, because a second one would publish each message twice. Two names may be one connection: `dds`
-/// and `dds:0`.
+/// and `dds:0`, `zenoh` and `zenoh:tcp/localhost:7447`.
 pub(crate) fn distinct(links: Vec<Arc<dyn Link>>) -> Vec<Arc<dyn Link>> {
     let mut distinct: Vec<Arc<dyn Link>> = Vec::new();
     for link in links {

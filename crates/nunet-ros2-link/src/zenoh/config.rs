@@ -155,6 +155,7 @@ mod tests {
     fn the_router_is_that_of_this_machine_unless_another_is_stated() {
         let plain = environment(None, None);
         assert_eq!(routers_of("zenoh", &plain), ROUTER);
+        assert_eq!(routers_of("zenoh:tcp/localhost:7447", &plain), ROUTER);
         assert_eq!(routers_of("zenoh:tcp/10.0.0.1:7447", &plain), "tcp/10.0.0.1:7447");
         let overridden = environment(None, Some("connect/endpoints=[\"tcp/10.0.0.2:1\"];mode=\"client\""));
         assert_eq!(routers_of("zenoh", &overridden), "tcp/10.0.0.2:1");

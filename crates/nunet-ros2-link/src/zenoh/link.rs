@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use tracing::{debug, info, warn};
 use zenoh::liveliness::LivelinessToken;
-use zenoh::{Session, Wait as _};
+use zenoh::{Config, Session, Wait as _};
 
 use super::config::{configuration, reason_of, routers};
 use super::dropped::DropCounter;
@@ -26,19 +26,20 @@ const MAX_LEAVING: Duration = Duration::from_secs(5);
 
 /// A new session.
 pub(crate) fn alone(name: &LinkName, environment: &Environment) -> Result<Arc<dyn Link>, Ros2Error> {
-    Ok(Arc::new(ZenohLink::open(name, environment)?))
+    Ok(Arc::new(ZenohLink::open(configuration(name, environment)?, environment)?))
 }
 
-/// The session of this process to this router; it is opened if there is none.
+/// The session of this process to these routers, by whichever name; it is opened if there is none.
 pub(crate) fn shared(name: &LinkName, environment: &Environment) -> Result<Arc<dyn Link>, Ros2Error> {
-    type Links = BTreeMap<(LinkName, u16), Weak<ZenohLink>>;
+    type Links = BTreeMap<(String, u16), Weak<ZenohLink>>;
     static LINKS: Mutex<Links> = Mutex::new(Links::new());
+    let config = configuration(name, environment)?;
+    let key = (routers(&config), environment.domain);
     let mut links = LINKS.lock().unwrap_or_else(PoisonError::into_inner);
-    let key = (name.clone(), environment.domain);
     if let Some(link) = links.get(&key).and_then(Weak::upgrade) {
         return Ok(link);
     }
-    let link = Arc::new(ZenohLink::open(name, environment)?);
+    let link = Arc::new(ZenohLink::open(config, environment)?);
     links.insert(key, Arc::downgrade(&link));
     Ok(link)
 }
@@ -73,8 +74,7 @@ impl Graph {
 }
 
 impl ZenohLink {
-    fn open(name: &LinkName, environment: &Environment) -> Result<Self, Ros2Error> {
-        let config = configuration(name, environment)?;
+    fn open(config: Config, environment: &Environment) -> Result<Self, Ros2Error> {
         let (routers, domain) = (routers(&config), environment.domain);
         let session = zenoh::open(config).wait().map_err(failed("open a Zenoh session"))?;
         info!("ROS 2 over Zenoh by {routers} in domain {domain}");
@@ -187,17 +187,28 @@ mod tests {
     use crate::environment::ZenohVariables;
     use crate::message_type::MessageType;
 
+    fn environment(config_override: &str) -> Environment {
+        let config_override = Some(config_override.to_owned());
+        let zenoh = ZenohVariables { config_override, router_check_attempts: -1, session_config: None };
+        Environment { zenoh, ..Environment::default() }
+    }
+
+    #[test]
+    fn names_of_one_router_share_a_session() {
+        let environment = environment("connect/endpoints=[\"tcp/localhost:1\"]");
+        let open = |name: &str| shared(&name.parse().unwrap(), &environment).unwrap();
+        let default = open("zenoh");
+        assert!(Arc::ptr_eq(&default, &open("zenoh:tcp/localhost:1")));
+        assert!(!Arc::ptr_eq(&default, &open("zenoh:tcp/localhost:2")));
+    }
+
     #[test]
     fn a_session_that_has_ended_takes_no_messages_and_is_a_problem_without_a_router_too() {
-        let config =
-            "mode=\"peer\";listen/endpoints=[];connect/endpoints=[];scouting/multicast/enabled=false";
-        let zenoh = ZenohVariables {
-            config_override: Some(config.to_owned()),
-            router_check_attempts: -1,
-            session_config: None,
-        };
-        let environment = Environment { zenoh, ..Environment::default() };
-        let link = ZenohLink::open(&"zenoh".parse().unwrap(), &environment).unwrap();
+        let environment = environment(
+            "mode=\"peer\";listen/endpoints=[];connect/endpoints=[];scouting/multicast/enabled=false",
+        );
+        let config = configuration(&"zenoh".parse().unwrap(), &environment).unwrap();
+        let link = ZenohLink::open(config, &environment).unwrap();
         let endpoint = Endpoint { topic: "/front/scan", message_type: MessageType::LaserScan };
         let delivery = Delivery { depth: 1, is_kept: false };
         let publisher = link.publisher("camera", &endpoint, delivery).unwrap();
