@@ -11,6 +11,7 @@ mod doctor;
 mod end_to_end;
 mod eval;
 mod filters;
+#[cfg(feature = "foxglove")]
 mod foxglove;
 mod hostile;
 mod infer;

@@ -2,7 +2,7 @@
 //!
 //! | module | what it contains |
 //! |---|---|
-//! | [`server`] | the server: one thread, and the sinks of its cameras |
+//! | `server` | the server: one thread, and the sinks of its cameras |
 //! | `channels` | a channel for each topic of a recording, with the same messages |
 //! | `kept` | messages for clients that subscribe later, such as transforms |
 //! | `parameters` | what clients can read beside messages: rate, scale |

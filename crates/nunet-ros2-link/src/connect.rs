@@ -83,7 +83,8 @@ mod zenoh_link {
     }
 }
 
-#[cfg(all(test, feature = "ros2-dds"))]
+#[cfg(test)]
+#[cfg(feature = "ros2-dds")]
 mod tests {
     use super::*;
     use crate::environment::DiscoveryRange;

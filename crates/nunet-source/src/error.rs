@@ -58,6 +58,7 @@ impl SourceError {
     }
 
     /// Adds the setting that the hint is about.
+    #[cfg(feature = "mcap")]
     #[must_use]
     pub(crate) fn with_setting(self, setting: Option<&'static str>) -> Self {
         Self { setting, ..self }

@@ -25,6 +25,10 @@ mod camera_resolver;
 mod camera_settings;
 mod command;
 mod continuity;
+#[cfg_attr(
+    not(any(feature = "mcap", feature = "v4l2")),
+    allow(dead_code, reason = "recordings and cameras have the other layouts")
+)]
 mod convert;
 mod demo;
 mod error;

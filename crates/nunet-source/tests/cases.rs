@@ -1,4 +1,5 @@
 //! Inputs that users really have, and what is right for them.
+#![cfg(feature = "mcap")]
 #![expect(clippy::unwrap_used, reason = "a test may stop at the first thing that is wrong")]
 
 use nunet_core::camera::Distortion;

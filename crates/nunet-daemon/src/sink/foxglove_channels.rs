@@ -40,6 +40,7 @@ pub(super) fn open(context: &SinkContext<'_>) -> anyhow::Result<Option<Box<dyn S
 }
 
 #[cfg(test)]
+#[cfg(feature = "foxglove")]
 mod tests {
     use super::*;
 

@@ -12,6 +12,7 @@ use std::time::Duration;
 use nunet_core::cloud::CloudPoint;
 use nunet_core::depth::{DepthEncoding, Scale};
 use nunet_core::obstacle::{Ground, ObstacleSector, Obstacles};
+#[cfg(feature = "foxglove")]
 use nunet_foxglove::FoxgloveConfig;
 use nunet_mavlink::MavlinkAddress;
 use nunet_ros2::{CameraOptions, Ros2Options};
@@ -68,6 +69,7 @@ const CASES: &[Case] = &[
     Case { name: "view", open: view, can_fail: false },
     Case { name: "mavlink", open: mavlink, can_fail: false },
     Case { name: "ROS 2", open: ros2, can_fail: false },
+    #[cfg(feature = "foxglove")]
     Case { name: "Foxglove", open: foxglove, can_fail: false },
 ];
 
@@ -213,6 +215,7 @@ fn ros2(_folder: &Path, _backend: Backend) -> Rig {
 }
 
 /// As [`ros2`]; clients that stall, die and send nonsense are tested in `nunet-foxglove`.
+#[cfg(feature = "foxglove")]
 fn foxglove(_folder: &Path, _backend: Backend) -> Rig {
     let config = FoxgloveConfig { address: "127.0.0.1:0".parse().unwrap(), is_public: false };
     let server = FoxgloveServer::open(config, 1).unwrap();
