@@ -10,6 +10,8 @@ pub(crate) const MAX_MESSAGE_BYTES: u32 = 128 << 20;
 /// Messages that wait to be taken. A reader that comes a few periods late gets all of them, and can count
 /// those that it does not use.
 const MAX_WAITING: usize = 4;
+/// A publisher whose numbers skip more counts anew: nobody loses that many messages, and sums stay within their type.
+const MAX_LOST: u64 = u32::MAX as u64;
 /// Buffers that are kept for reuse.
 const MAX_SPARE: usize = 2;
 
@@ -41,12 +43,13 @@ impl MessageQueue {
     pub(crate) fn put(&mut self, bytes: Vec<u8>, lost: u64) {
         let since_1970 = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
         let unix_nanos = i64::try_from(since_1970.as_nanos()).unwrap_or(i64::MAX);
+        let lost = if lost > MAX_LOST { 0 } else { lost };
         self.waiting.push_back((bytes, Received { unix_nanos, lost, replaced: 0 }));
         if self.waiting.len() > MAX_WAITING
             && let Some((replaced, received)) = self.waiting.pop_front()
         {
             self.replaced += 1;
-            self.lost = self.lost.saturating_add(received.lost);
+            self.lost += received.lost;
             self.give_back(replaced);
         }
     }
@@ -65,12 +68,30 @@ impl MessageQueue {
         let used = std::mem::replace(message, bytes);
         self.give_back(used);
         let (lost, replaced) = (std::mem::take(&mut self.lost), std::mem::take(&mut self.replaced));
-        Arrival::Message(Received { lost: received.lost.saturating_add(lost), replaced, ..received })
+        Arrival::Message(Received { lost: received.lost + lost, replaced, ..received })
     }
 
     fn give_back(&mut self, used: Vec<u8>) {
         if self.spare.len() < MAX_SPARE {
             self.spare.push(used);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gap_that_nobody_can_lose_counts_as_nothing_lost() {
+        let mut queue = MessageQueue::default();
+        for (gap, expected) in [(3, 3), (MAX_LOST, MAX_LOST), (MAX_LOST + 1, 0), (u64::MAX, 0)] {
+            queue.put(Vec::new(), gap);
+            let taken = queue.take(&mut Vec::new());
+            assert!(
+                matches!(taken, Arrival::Message(Received { lost, .. }) if lost == expected),
+                "{taken:?}"
+            );
         }
     }
 }

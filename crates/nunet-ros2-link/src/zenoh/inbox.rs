@@ -68,7 +68,7 @@ impl Contents {
             return 0;
         }
         let last = self.last.insert(publisher, sequence);
-        let between = |last: i64| sequence.checked_sub(last).and_then(|step| u64::try_from(step - 1).ok());
+        let between = |last: i64| u64::try_from(sequence.checked_sub(last)?.checked_sub(1)?).ok();
         last.and_then(between).unwrap_or(0)
     }
 }
@@ -105,7 +105,7 @@ mod tests {
     #[test]
     fn numbers_at_the_end_of_their_range_and_many_publishers_do_no_harm() {
         let mut contents = Contents::default();
-        for sequence in [i64::MIN, i64::MAX, i64::MIN, 0] {
+        for sequence in [i64::MIN, i64::MAX, i64::MIN, 0, i64::MIN, -1, i64::MAX] {
             contents.put(&ZBytes::from(vec![1]), origin(sequence, 1));
             assert!(take(&mut contents).is_some());
         }
