@@ -9,7 +9,9 @@ impl CameraThread {
     /// The stream as one status. Its level is WARN while depth is unstable.
     pub(super) fn diagnostics(&self, state: &CameraState) -> DiagnosticArray<'_> {
         let header = header_now();
-        let age_ms = |captured: i64| format!("{:.1}", (header.stamp.unix_nanos() - captured) as f64 / 1e6);
+        // A camera in shared memory may state any time.
+        let age_nanos = |captured: i64| header.stamp.unix_nanos().saturating_sub(captured);
+        let age_ms = |captured: i64| format!("{:.1}", age_nanos(captured) as f64 / 1e6);
         let age = state.capture_unix_nanos.map_or_else(|| "none".to_owned(), age_ms);
         let Counts { captured, published, superseded, failed, in_flight } = state.frames;
         let counts = &self.shared.counts;

@@ -174,6 +174,8 @@ fn diagnostics_state_no_age_before_the_first_frame() {
     assert_eq!(age(), "none");
     give(&mut sink, 1);
     assert!(age().parse::<f64>().expect("a number") > 0.0, "{}", age());
+    side.shared.state().capture_unix_nanos = Some(i64::MIN);
+    assert!(age().parse::<f64>().expect("a number") > 0.0, "{}", age());
 }
 
 #[test]
