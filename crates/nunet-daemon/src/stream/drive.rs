@@ -97,6 +97,8 @@ pub(crate) fn drive(
             stop.sleep(pacer.wait(Instant::now()));
         }
         let mut frame = handler.buffer();
+        // Its memory is reused, and only sources that replace frames state this.
+        frame.superseded = 0;
         let fill = source.fill(&mut frame);
         next_is_due = fill.had_frame();
         left -= u64::from(fill.had_frame());
