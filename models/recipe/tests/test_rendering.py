@@ -1,5 +1,6 @@
 """What `render` does without Blender: options, cameras, places, the dataset's folder."""
 
+import csv
 import importlib.util
 import multiprocessing
 import subprocess
@@ -25,6 +26,9 @@ from nunet_models.rendering.intrinsics import HFOV_DEG, IMAGE_SIZES, random_intr
 from nunet_models.rendering.robot_path import RobotPath
 from nunet_models.rendering.sensor import Metered, Sensor
 
+NEEDS_BLENDER = pytest.mark.skipif(
+    importlib.util.find_spec("bpy") is None, reason="needs Blender's module bpy"
+)
 CAMERA = random_intrinsics(Random(1))
 VIEW = (CAMERA, Placement("low", 0.25, 3.0, -1.5))
 
@@ -61,6 +65,7 @@ def test_without_blender_the_error_names_the_package_to_install(monkeypatch, cap
         (["--rooms", "5", "--views", "0"], "`--views` is 0, expected 1 to 100"),
         (["--rooms", "5", "--threads", "0"], "`--threads` is 0, expected 1 to 1024"),
         (["--rooms", "5", "--test-share", "1.5"], "`--test-share` is 1.5, expected 0 to 1"),
+        (["--flat-images", "5", "--kinds", "office"], "`--kinds` is for `--rooms` alone"),
     ],
 )
 def test_a_value_that_cannot_be_is_a_bad_argument(arguments, message, capsys, tmp_path):
@@ -247,7 +252,27 @@ def test_exposure_that_adapts_slowly_is_between_its_images():
     assert dark.brightness < Metered.mean([dark, bright]).brightness < bright.brightness
 
 
-@pytest.mark.skipif(importlib.util.find_spec("bpy") is None, reason="needs Blender's module bpy")
+@NEEDS_BLENDER
+def test_an_unknown_kind_of_room_is_a_bad_argument(tmp_path, capsys):
+    arguments = ["--rooms", "1", "--out", str(tmp_path / "out"), "--kinds", "office,castle"]
+    assert main(["render", *arguments]) == 2
+    assert "`--kinds` has `castle`, expected some of: living, " in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+@NEEDS_BLENDER
+def test_a_workplace_has_views_of_things_on_desks(tmp_path):
+    arguments = ["--rooms", "2", "--views", "3", "--samples", "1", "--test-share", "0"]
+    assert main(["render", "--out", str(tmp_path), "--kinds", "workplace", *arguments]) == 0
+    with (tmp_path / "views.csv").open() as table:
+        kinds = [row["kind"] for row in csv.DictReader(table)]
+    assert len(kinds) == 6
+    assert kinds.count("seated") >= 2
+    for path in (tmp_path / "depth").iterdir():
+        assert 0.25 < np.median(np.array(Image.open(path))) / 1000 < 6
+
+
+@NEEDS_BLENDER
 def test_depth_and_pixels_of_the_clip_s_and_of_random_cameras_are_right():
     done = subprocess.run(
         [sys.executable, "-m", "nunet_models.rendering", "--check"],

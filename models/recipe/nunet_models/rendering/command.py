@@ -56,6 +56,11 @@ def add_options(made: argparse.ArgumentParser) -> None:
     rooms.add_argument(
         "--test-share", type=float, default=0.1, help="share of rooms in test.txt (default 0.1)"
     )
+    rooms.add_argument(
+        "--kinds",
+        metavar="KIND,...",
+        help="draw from these kinds of rooms alone (default: all but workplace)",
+    )
     made.set_defaults(carry_out=carry_out)
 
 
@@ -87,7 +92,8 @@ def _render_rooms(options: argparse.Namespace) -> None:
         wanted = generator.Options(rooms=options.flat_images, **values)
         _blender_module("flat_images").render_flat_images(wanted)
     else:
-        generator.render_rooms(generator.Options(rooms=options.rooms, **values))
+        kinds = options.kinds.split(",") if options.kinds is not None else None
+        generator.render_rooms(generator.Options(rooms=options.rooms, **values).of_kinds(kinds))
 
 
 @contextlib.contextmanager
@@ -117,6 +123,8 @@ def validate(options: argparse.Namespace) -> None:
     _require_range("--views", options.views, 1, 100)
     _require_range("--samples", options.samples, 1, 4096)
     _require_range("--threads", options.threads, 1, 1024)
+    if options.kinds is not None and options.rooms is None:
+        raise OptionError("`--kinds` is for `--rooms` alone")
     if not 0 <= options.test_share <= 1:
         raise OptionError(f"`--test-share` is {options.test_share}, expected 0 to 1")
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from random import Random
@@ -14,11 +14,13 @@ import bpy
 import numpy as np
 from PIL import Image
 
-from nunet_models.rendering import clip_rooms, kinds
+from nunet_models.errors import OptionError
+from nunet_models.rendering import clip_rooms
 from nunet_models.rendering.camera import add_camera, set_intrinsics
 from nunet_models.rendering.fast import FastRenderer
 from nunet_models.rendering.folder import Placement, Rendered, RoomsFolder, replace_image
 from nunet_models.rendering.intrinsics import Intrinsics
+from nunet_models.rendering.kinds import DEFAULT_KINDS, KINDS, build
 from nunet_models.rendering.scene import clear
 from nunet_models.rendering.sensor import Sensor
 from nunet_models.rendering.viewpoints import View, ViewFinder
@@ -41,6 +43,14 @@ class Options:
     samples: int = 3
     threads: int = 1
     test_share: float = 0.1
+    kinds: tuple[str, ...] = DEFAULT_KINDS
+
+    def of_kinds(self, names: Sequence[str] | None) -> Options:
+        """The same with rooms of these kinds alone; None keeps the kinds."""
+        for name in names or ():
+            if name not in KINDS:
+                raise OptionError(f"`--kinds` has `{name}`, expected some of: {', '.join(KINDS)}")
+        return self if names is None else replace(self, kinds=tuple(names))
 
 
 def render_rooms(options: Options) -> int:
@@ -58,8 +68,8 @@ def render_rooms(options: Options) -> int:
 def _render_room(name: str, folder: RoomsFolder, photos: list[str], options: Options) -> int:
     started = time.monotonic()
     clear()
-    room, random = kinds.build(name, photos)
-    finder = ViewFinder(random, room.size)
+    room, random = build(name, photos, options.kinds)
+    finder = ViewFinder(random, room.size, room.views)
     views = [view for _ in range(options.views) if (view := finder.find())]
     if not views:
         LOG.warning("%s (%s): no view found", name, room.kind)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from random import Random
 
-from nunet_models.rendering import equipment, shell, surroundings
+from nunet_models.rendering import equipment, shell, surroundings, workplace
 from nunet_models.rendering.floorplan import SIDES
 from nunet_models.rendering.furnisher import Furnisher
 from nunet_models.rendering.shapes import Maker
+from nunet_models.rendering.viewpoints import NEAR, SEATED, SHARES, STANDING
 
 Range = tuple[float, float]
 
@@ -26,6 +27,8 @@ class RoomKind:
     panels: float = 0.2
     """How likely the ceiling has light panels in a grid."""
     weight: float = 1.0
+    views: Mapping[str, float] = field(default_factory=lambda: SHARES)
+    """How often each kind of view is drawn."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,7 @@ class Room:
     kind: str
     size: tuple[float, float, float]
     ambient: tuple[float, float, float]
+    views: Mapping[str, float]
 
 
 def _living(f: Furnisher) -> None:
@@ -103,6 +107,13 @@ def _workshop(f: Furnisher) -> None:
     f.some(f.cupboard, 0, 2)
 
 
+def _workplace(f: Furnisher) -> None:
+    for _ in range(f.random.randint(3, 8)):
+        workplace.busy_desk(f)
+    f.some(f.bookcase, 0, 2)
+    f.some(f.cupboard, 0, 1)
+
+
 def _empty(f: Furnisher) -> None:
     for _ in range(f.random.randint(1, 6)):
         f.wall_decoration(flat=0.85)
@@ -119,11 +130,22 @@ KINDS: dict[str, RoomKind] = {
     "warehouse": RoomKind((7, 16), (8, 18), (3.5, 6.5), _warehouse, windows=0.3, panels=0.9),
     "workshop": RoomKind((4, 9), (4, 9), (2.6, 4.0), _workshop, panels=0.7),
     "empty": RoomKind((2.5, 8), (2.5, 8), (2.3, 3.2), _empty, weight=0.7),
+    "workplace": RoomKind(
+        (2.5, 7),
+        (2.5, 6),
+        (2.4, 3.0),
+        _workplace,
+        panels=0.5,
+        views={SEATED: 0.75, NEAR: 0.15, STANDING: 0.1},
+    ),
 }
+
+DEFAULT_KINDS = tuple(kind for kind in KINDS if kind != "workplace")
+"""Drawn where no kinds are named. `workplace` is newer than seeds that files were trained on."""
 
 
 def build(
-    seed_text: str, photos: list[str], among: Sequence[str] = tuple(KINDS)
+    seed_text: str, photos: list[str], among: Sequence[str] = DEFAULT_KINDS
 ) -> tuple[Room, Random]:
     """Build a random room in the open scene; the generator that continues for its views."""
     random = Random(seed_text)
@@ -152,7 +174,7 @@ def build_unfurnished(name: str, random: Random, photos: list[str]) -> tuple[Fur
     if doorway:
         surroundings.add_annex(furnisher, *doorway)
     ambient = surroundings.add_light(furnisher, kind.panels, holes)
-    return furnisher, Room(name, size, ambient)
+    return furnisher, Room(name, size, ambient, kind.views)
 
 
 def _common(f: Furnisher) -> None:

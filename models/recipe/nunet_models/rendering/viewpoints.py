@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from random import Random
 
@@ -15,7 +16,7 @@ from nunet_models.rendering.folder import Placement
 from nunet_models.rendering.intrinsics import Intrinsics, random_intrinsics
 from nunet_models.rendering.shapes import CLASSES
 
-LOW, NEAR, STANDING = "low", "near", "standing"
+LOW, NEAR, SEATED, STANDING = "low", "near", "seated", "standing"
 SHARES = {LOW: 0.34, NEAR: 0.3, STANDING: 0.36}
 SHELL = tuple(CLASSES.index(name) + 1 for name in ("wall", "floor", "ceiling", "window"))
 COLUMNS, ROWS = 16, 12
@@ -32,6 +33,23 @@ MIN_THINGS = 7
 """Number of different objects that a view's rays must hit."""
 PLAIN_SHARE = 0.07
 """Share of views that may show fewer: cameras do look at bare walls."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """How a camera looks at a thing, in ranges."""
+
+    distance_m: tuple[float, float]
+    rise_deg: tuple[float, float]
+    """How far above the thing the camera is, as an angle seen from the thing."""
+    target_m: tuple[float, float]
+    """Height of the thing above the floor."""
+
+
+LOOKS = {
+    NEAR: Look((0.3, 1.0), (-5, 65), (-math.inf, math.inf)),
+    SEATED: Look((0.4, 1.2), (0, 40), (0.68, 1.2)),
+}
 
 
 @dataclass(frozen=True)
@@ -56,20 +74,26 @@ class View:
 class ViewFinder:
     """Finds views of the open scene in a box of `size` meters with its corner at the origin."""
 
-    def __init__(self, random: Random, size: tuple[float, float, float]) -> None:
-        self.random, self.size = random, size
+    def __init__(
+        self,
+        random: Random,
+        size: tuple[float, float, float],
+        shares: Mapping[str, float] = SHARES,
+    ) -> None:
+        self.random, self.size, self.shares = random, size, shares
         self.scene = bpy.context.scene
         bpy.context.view_layer.update()
         self.depsgraph = bpy.context.evaluated_depsgraph_get()
 
     def find(self, attempts: int = 40, *, kind: str | None = None) -> View | None:
         """A random view, or none if no attempt gave a good one; of any kind, or of this one."""
-        wanted = kind or self.random.choices(list(SHARES), list(SHARES.values()))[0]
+        wanted = kind or self.random.choices(list(self.shares), list(self.shares.values()))[0]
         # Random places are mostly near a wall; people stand where they see the room.
         median_m = self.random.choice((0.0, 1.6, 2.2)) if wanted == STANDING else 0.0
         for _ in range(attempts):
             intrinsics = random_intrinsics(self.random)
-            pose = self._near() if wanted == NEAR else self._free(low=wanted == LOW)
+            look = LOOKS.get(wanted)
+            pose = self._at_thing(look) if look else self._free(low=wanted == LOW)
             if pose is not None and self._is_good(intrinsics, pose, median_m):
                 return View(wanted, intrinsics, pose)
         return None
@@ -91,8 +115,8 @@ class ViewFinder:
         wide = self.random.random() < 0.15
         return self.random.uniform(-30, 30) if wide else self.random.gauss(0, 2.5)
 
-    def _near(self) -> Matrix | None:
-        """Look at a thing from 0.3 to 1 m."""
+    def _at_thing(self, look: Look) -> Matrix | None:
+        """Look at a thing; none if the attempt found no thing or no place for the camera."""
         random, (width, depth, _) = self.random, self.size
         target = None
         for _ in range(12):
@@ -103,13 +127,14 @@ class ViewFinder:
                 (random.gauss(0, 1), random.gauss(0, 1), random.gauss(-0.7, 0.6))
             ).normalized()
             hit, point, _, _, thing, _ = self.scene.ray_cast(self.depsgraph, start, aim)
-            if hit and thing.pass_index not in SHELL:
+            low, high = look.target_m
+            if hit and thing.pass_index not in SHELL and low <= point.z <= high:
                 target = point
                 break
         if target is None:
             return None
-        distance = random.uniform(0.3, 1.0)
-        rise, around = math.radians(random.uniform(-5, 65)), random.uniform(0, 2 * math.pi)
+        distance = random.uniform(*look.distance_m)
+        rise, around = math.radians(random.uniform(*look.rise_deg)), random.uniform(0, 2 * math.pi)
         away = Vector(
             (math.cos(rise) * math.cos(around), math.cos(rise) * math.sin(around), math.sin(rise))
         )
