@@ -7,8 +7,8 @@
 //! | `kept` | messages for clients that subscribe later, such as transforms |
 //! | `parameters` | what clients can read beside messages: rate, scale |
 //!
-//! `nunet-ros2` copies and encodes frames on a thread of its own, and only for topics that a client has subscribed to: to
-//! it, Foxglove is one more network.
+//! Frames are copied and encoded by `nunet-ros2`, on a thread of its own and only for topics that a client has
+//! subscribed to. Foxglove is a network of that crate, like DDS and Zenoh.
 
 #[cfg(not(feature = "server"))]
 mod absent;

@@ -1,4 +1,4 @@
-//! `nunet_py._native`: the Python package without the few files that are written in Python.
+//! `nunet_py._native`: the compiled part of the Python package `nunet_py`.
 #![expect(
     clippy::doc_markdown,
     reason = "doc comments of Python classes and functions are their docstrings, in numpydoc's format"

@@ -1,4 +1,4 @@
-//! Connections to ROS 2, and nothing of ROS to install.
+//! Connections to ROS 2 over DDS and Zenoh. They need no ROS installation.
 //!
 //! | module | what it contains |
 //! |---|---|

@@ -1,4 +1,4 @@
-//! Results as live ROS 2 topics, and nothing of ROS to install.
+//! Results as live ROS 2 topics. They need no ROS installation.
 //!
 //! | module | what it contains |
 //! |---|---|
@@ -7,7 +7,8 @@
 //! | `camera` | the sink of one camera: copies a frame, encodes and sends it on a thread of its own |
 //! | [`node`] | what all cameras share: the connections to the network |
 //!
-//! `nunet-ros2-link` connects to the network. Messages are encoded by `nunet-mcap`, as in recordings. Without subscribers, nothing is copied or encoded.
+//! `nunet-ros2-link` connects to the network. Messages are encoded by `nunet-mcap`, as in recordings. Without
+//! subscribers, nothing is copied or encoded.
 
 mod camera;
 mod frame_messages;

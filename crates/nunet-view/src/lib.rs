@@ -1,11 +1,11 @@
-//! Depth, labels and a 3D cloud live in the browser.
+//! Image, depth, labels, confidence, cloud and obstacles live in the browser.
 //!
-//! [`ViewServer`] serves one page and the same results for programs. It is independent of nunetd: a program with frames opens it,
-//! adds a camera, and copies frames in when they are wanted.
+//! [`ViewServer`] serves one page and the same results for programs. It is independent of nunetd: a program with frames
+//! opens it, adds a camera, and copies frames into it while a viewer wants them.
 //!
 //! | path | content |
 //! |---|---|
-//! | `/` | the page: image, depth, labels, 3D cloud, plots |
+//! | `/` | the page: image, depth, labels, confidence, 3D cloud, obstacles, plots |
 //! | `/api/cameras` | JSON: cameras, sizes, frame counts, rates |
 //! | `/CAMERA/image.mjpeg`, `/CAMERA/depth.mjpeg` | video for `<img>`, OpenCV and others; depth in colors |
 //! | `/CAMERA/frame.jpg` | the newest image |
