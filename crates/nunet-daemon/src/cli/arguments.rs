@@ -32,7 +32,7 @@ pub struct InferArgs {
 #[derive(Debug, Args, Clone)]
 pub struct FeedArgs {
     /// demo, a folder, a glob of images, a recording FILE.mcap, a camera /dev/videoN, a ROS 2 topic
-    /// ros2:TOPIC, or - for stdin
+    /// ros2:TOPIC, exec:COMMAND, rtsp://..., or - for stdin
     pub source: String,
     /// The name of the camera in shared memory
     #[arg(long, value_name = "NAME")]

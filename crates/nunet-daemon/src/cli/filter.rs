@@ -22,8 +22,8 @@ pub struct FilterArgs {
     /// edge. `fill` 0 to 5 fills holes along the row by up to 0, 2, 4, 8, 16 or any number of pixels.
     ///
     /// temporal=alpha:0.4,delta:0.02,persistence:3: smooths over time. `alpha` is the weight of the new depth (0 to 1) if it
-    /// is within `delta` meters of the old one. `persistence` lets a pixel without depth keep its last one: 0 never, or if it
-    /// had depth in 1: 8 of the last 8 frames, 2: 2 of 3, 3: 2 of 4, 4: 2 of 8, 5: 1 of 2, 6: 1 of 5, 7: 1 of 8, 8: ever.
+    /// is within `delta` meters of the old one. `persistence` says when a pixel without depth keeps its last depth: 0: never,
+    /// 1: with depth in 8 of the last 8 frames, 2: 2 of 3, 3: 2 of 4, 4: 2 of 8, 5: 1 of 2, 6: 1 of 5, 7: 1 of 8, 8: always.
     ///
     /// holes=farthest: fills pixels without depth from the `left`, or with the `farthest` or `nearest` neighbor.
     ///

@@ -27,7 +27,7 @@ pub struct GeometryArgs {
     /// A calibration with distortion: a ROS `camera_info` file, a Kalibr camchain, or YAML of OpenCV
     #[arg(long, value_name = "FILE.yaml", conflicts_with = "intrinsics")]
     pub calibration: Option<PathBuf>,
-    /// Rotate the images clockwise before everything else, because the camera is mounted turned. Intrinsics and
+    /// Rotate the images clockwise before everything else, for a camera that is mounted rotated. Intrinsics and
     /// calibration describe the images before the rotation; all results and --mount are those of the rotated images
     #[arg(long, value_name = "90|180|270")]
     pub rotate: Option<Text<Rotation>>,

@@ -22,7 +22,7 @@ pub struct RecordArgs {
     #[arg(long)]
     pub force: bool,
     /// Record raw images as PNG instead of JPEG; JPEG and PNG files are always recorded as they are, or as PNG if
-    /// their EXIF data turns them
+    /// --rotate or their EXIF data rotates them
     #[arg(long)]
     pub record_lossless: bool,
     #[command(flatten)]
@@ -70,7 +70,7 @@ pub struct ReplayArgs {
     pub frame_id: Option<Text<FrameId>>,
     #[command(flatten)]
     pub mount: MountArgs,
-    /// The results to record, separated by commas
+    /// The results to record, separated by commas; `replay` finds no obstacles
     #[arg(long, value_enum, value_delimiter = ',', default_values_t = Publish::DEFAULT)]
     pub publish: Vec<Publish>,
     /// Overwrite an existing recording

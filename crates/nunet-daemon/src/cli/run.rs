@@ -98,7 +98,7 @@ const TOKEN_VARIABLE: &str = "NUNET_VIEW_TOKEN";
 #[derive(Debug, Args, Clone, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct ViewArgs {
-    /// Show image, depth, labels and cloud live in the browser at http://ADDRESS:PORT/, and serve the metrics there too
+    /// Show images and results live in the browser at http://ADDRESS:PORT/, and serve the metrics there too
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub view: Option<Text<SocketAddr>>,
     /// The secret that viewers must present; required if other machines can reach the address of --view. The
