@@ -107,15 +107,6 @@ pub(crate) fn timeout(milliseconds: u32) -> Duration {
     if milliseconds == FOREVER_MS { Duration::MAX } else { Duration::from_millis(milliseconds.into()) }
 }
 
-/// A capture time, of any clock.
-pub(crate) fn capture_time(nanos: i64) -> Result<i64, Failure> {
-    if nanos >= 0 {
-        return Ok(nanos);
-    }
-    let message = format!("`capture_nanos` is `{nanos}`, expected nanoseconds, 0 or more");
-    Err(Failure::argument(message).hint("pass the time of the capture, such as nunet_monotonic_nanos()"))
-}
-
 /// A pointer for C to the first byte of a slice.
 pub(crate) fn pointer_to(bytes: &[u8]) -> *const c_void {
     bytes.as_ptr().cast()

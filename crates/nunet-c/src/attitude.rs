@@ -7,7 +7,7 @@ use std::mem::MaybeUninit;
 
 use nunet_ipc::AttitudePublisher;
 
-use crate::argument::{camera, capture_time, place, word};
+use crate::argument::{camera, place, word};
 use crate::handle::{Table, locked};
 use crate::status::{StatusCode, guard};
 
@@ -56,7 +56,7 @@ pub extern "C" fn nunet_attitude_publish(
 ) -> StatusCode {
     guard(|| {
         let publisher = ATTITUDES.get(attitude)?;
-        Ok(locked(&publisher).publish(capture_time(capture_nanos)?, roll_rad, pitch_rad)?)
+        Ok(locked(&publisher).publish(capture_nanos, roll_rad, pitch_rad)?)
     })
 }
 

@@ -7,7 +7,6 @@ use nunet_ipc::{
     Topic, Wake, monotonic_nanos, unix_nanos,
 };
 
-use crate::argument::capture_time;
 use crate::handle::Table;
 use crate::status::Failure;
 
@@ -86,7 +85,7 @@ impl ImagePublisher {
     pub(crate) fn send(&mut self, mut loan: Loan, clock: Clock, capture_nanos: i64) -> Result<(), Failure> {
         let header = loan.header_mut();
         header.set_capture_clock(clock);
-        header.capture_nanos = capture_time(capture_nanos)?;
+        header.capture_nanos = capture_nanos;
         header.capture_unix_nanos = header.unix_of_capture(monotonic_nanos(), unix_nanos());
         let sequence = header.sequence;
         loan.publish(monotonic_nanos())?;

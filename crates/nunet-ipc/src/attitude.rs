@@ -10,7 +10,7 @@ use crate::contract::{AttitudeRecord, AttitudeSample};
 use crate::error::IpcError;
 use crate::name::CameraName;
 use crate::plan::{Limits, TopicPlan};
-use crate::publisher::Publisher;
+use crate::publisher::{Publisher, check_capture_time};
 use crate::reader::{Message, Reader};
 
 /// How soon to look again for a publisher.
@@ -62,9 +62,11 @@ impl AttitudePublisher {
     /// Publishes a sample: when it was measured, and rotation about x (forward) and y (left), radians (REP 103).
     ///
     /// # Errors
-    /// [`IpcError::Attitude`] for an angle that is not a number of -2π to 2π, [`IpcError::Iceoryx`].
+    /// [`IpcError::CaptureTime`] for a negative time, [`IpcError::Attitude`] for an angle that is not a number of -2π to 2π,
+    /// [`IpcError::Iceoryx`].
     pub fn publish(&mut self, capture_nanos: i64, roll_rad: f32, pitch_rad: f32) -> Result<(), IpcError> {
         let sample = AttitudeSample { capture_nanos, roll_rad, pitch_rad };
+        check_capture_time(Topic::Attitude, capture_nanos)?;
         check(&sample)?;
         self.record.push(sample);
         let mut loan = self.publisher.loan(Topic::Attitude)?;
@@ -246,6 +248,20 @@ mod tests {
         }
         let far = reader.at(Clock::Monotonic, i64::MIN, 0).unwrap_err();
         assert!(matches!(far, NoAttitude::TooFar { .. }) && far.hint().is_some(), "{far}");
+    }
+
+    #[test]
+    fn a_refused_time_does_not_stay_among_the_samples() {
+        let camera = camera("attitude-negative");
+        let mut publisher = AttitudePublisher::create(&camera, Clock::Monotonic).unwrap();
+        let mut reader = AttitudeReader::new(&camera);
+        assert!(matches!(reader.at(Clock::Monotonic, 0, 0), Err(NoAttitude::NotPublished)));
+        for nanos in [-1, i64::MIN] {
+            let error = publisher.publish(nanos, 0.1, 0.0).unwrap_err();
+            assert_eq!(error.kind(), IpcErrorKind::InvalidArgument, "{error}");
+        }
+        publisher.publish(MAX_DISTANCE_NANOS as i64, 0.2, 0.0).unwrap();
+        assert_eq!(reader.at(Clock::Monotonic, 0, 0).unwrap().roll_rad, 0.2, "the only sample");
     }
 
     #[test]

@@ -80,7 +80,9 @@ pub use crate::iceoryx::{ROOT_VARIABLE, root, shared_memory_prefix, use_root};
 pub use crate::name::{CameraName, CameraNameError, MAX_CAMERA_NAME_BYTES};
 pub use crate::plan::{Limits, Reservation, SHARED_MEMORY_FOLDER, TopicPlan, TopicReservation};
 pub use crate::process::Process;
-pub use crate::publisher::{LATE_JOINER_PERIOD, Loan, Publisher, SentPayload, free_shared_memory_bytes};
+pub use crate::publisher::{
+    LATE_JOINER_PERIOD, Loan, Publisher, SentPayload, check_capture_time, free_shared_memory_bytes,
+};
 pub use crate::reader::{FrameSet, Message, Publishers, Reader};
 pub use crate::recovery::orphans;
 pub use nunet_types::layout::Field;

@@ -7,7 +7,8 @@ mod support;
 use std::time::Duration;
 
 use nunet_ipc::{
-    CameraName, IpcError, Limits, Message, Publisher, Reader, StatsRecord, Topic, TopicPlan, Wake, cameras,
+    CameraName, IpcError, IpcErrorKind, Limits, Message, Publisher, Reader, StatsRecord, Topic, TopicPlan,
+    Wake, cameras,
 };
 use support::{HEIGHT, TIMEOUT, WIDTH, camera, eventually, plan, publish_depth, publisher};
 
@@ -379,6 +380,23 @@ fn a_header_that_contradicts_its_payload_is_refused() {
     loan.publish(0).unwrap();
     let frame = latest(&reader);
     assert!(matches!(frame.depth(), Err(IpcError::BadMessage { .. })));
+}
+
+#[test]
+fn a_negative_capture_time_is_not_sent() {
+    let camera = camera();
+    let publisher = publisher(&camera, &[Topic::Depth]);
+    let reader = depth_reader(&camera);
+    for nanos in [-1, i64::MIN] {
+        let mut loan = publisher.loan(Topic::Depth).unwrap();
+        support::describe(&mut loan, 1);
+        loan.header_mut().capture_nanos = nanos;
+        let error = loan.publish(0).unwrap_err();
+        assert_eq!(error.kind(), IpcErrorKind::InvalidArgument, "{error}");
+    }
+    assert!(reader.latest(Topic::Depth).unwrap().is_none());
+    publish_depth(&publisher, 2); // at 0
+    assert_eq!(latest(&reader).header().sequence, 2);
 }
 
 #[test]

@@ -57,10 +57,11 @@ pub(crate) struct Raw<'a> {
 }
 
 impl RecordedImage {
-    /// Time of capture, nanoseconds since 1970: as the message states it, else the time of recording.
+    /// Time of capture, nanoseconds since 1970, 0 or more: as the message states it, else the time of recording. A time
+    /// before 1970, which ROS can state, counts as none.
     #[must_use]
     pub fn unix_nanos(&self) -> i64 {
-        if self.stamp_nanos == 0 {
+        if self.stamp_nanos <= 0 {
             i64::try_from(self.log_nanos).unwrap_or(i64::MAX)
         } else {
             self.stamp_nanos
@@ -282,6 +283,14 @@ mod tests {
     fn an_unknown_encoding_is_named_with_those_that_are_read() {
         let error = set("nv24", (2, 2), 2, &[0; 4]).unwrap_err();
         assert_eq!(error, format!("encoding `nv24` cannot be read, expected {READABLE}"));
+    }
+
+    #[test]
+    fn a_stamp_before_1970_is_none() {
+        let unix_nanos = |stamp_nanos| {
+            RecordedImage { stamp_nanos, log_nanos: 7, ..RecordedImage::default() }.unix_nanos()
+        };
+        assert_eq!([i64::MIN, -1, 0, 1].map(unix_nanos), [7, 7, 7, 1]);
     }
 
     #[test]

@@ -141,15 +141,7 @@ fn optional_whole(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<Option<
 
 /// `None` is the current time.
 fn nanos(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<Option<i64>> {
-    let (expected, hint) = ("whole nanoseconds, 0 or more", "omit it for the current time");
-    let given: Option<i64> = taken(argument, object, expected, hint)?;
-    match given {
-        Some(negative) if negative < 0 => {
-            let message = format!("`{argument}` is `{negative}`; expected {expected}");
-            Err(hinted::<PyValueError>(message, hint))
-        }
-        _ => Ok(given),
-    }
+    taken(argument, object, "whole nanoseconds, 0 or more", "omit it for the current time")
 }
 
 /// `None` is the next number.

@@ -4,10 +4,11 @@ use std::time::{Duration, Instant};
 
 use nunet_core::camera::Camera;
 use nunet_ipc::{
-    CameraName, Clock, Encoding, FrameHeader, IpcError, Reader, Topic, monotonic_nanos, unix_nanos,
+    CameraName, Clock, Encoding, FrameHeader, IpcError, Reader, Topic, check_capture_time, monotonic_nanos,
+    unix_nanos,
 };
 use nunet_types::Hint as _;
-use nunet_types::ImageSize;
+use nunet_types::{ImageSize, PixelFormat};
 use tracing::{info, warn};
 
 use crate::error::{SourceError, SourceErrorKind};
@@ -106,16 +107,11 @@ impl SharedMemory {
 
     fn describe(&mut self, sample: nunet_ipc::Message, frame: &mut Frame) -> Fill {
         let header = sample.header();
-        let format = header.encoding().ok().and_then(Encoding::pixel_format);
         frame.sequence = header.sequence;
-        if format.is_none() {
-            let message = format!(
-                "camera `{}` sends encoding `{}`, which is not an image",
-                self.camera, header.encoding
-            );
-            return Fill::Failed(SourceError::bad_frame(message));
+        match format_of(&self.camera, header) {
+            Ok(format) => frame.format = Some(format),
+            Err(error) => return Fill::Failed(error),
         }
-        frame.format = format;
         frame.size = ImageSize::new(header.width, header.height);
         frame.row_stride = header.row_stride_bytes;
         frame.capture = CaptureTime {
@@ -139,6 +135,21 @@ impl SharedMemory {
             None
         })
     }
+}
+
+/// The format of an image, if it can be processed.
+fn format_of(camera: &CameraName, header: &FrameHeader) -> Result<PixelFormat, SourceError> {
+    let format = header.encoding().ok().and_then(Encoding::pixel_format).ok_or_else(|| {
+        let encoding = header.encoding;
+        let message = format!("camera `{camera}` sends encoding `{encoding}`, which is not an image");
+        SourceError::bad_frame(message)
+    })?;
+    // Its results would have the same time and could not be published.
+    check_capture_time(Topic::Rgb, header.capture_nanos).map_err(|error| {
+        let message = format!("camera `{camera}` sends an image without a valid capture time");
+        SourceError::bad_frame(message).with_cause(error)
+    })?;
+    Ok(format)
 }
 
 /// The camera that a message describes; `None` if its sender does not know it.
@@ -189,6 +200,19 @@ mod tests {
     use nunet_ipc::{Encoding, Limits, Publisher, TopicPlan};
 
     use super::*;
+
+    #[test]
+    fn a_payload_that_is_no_image_and_a_time_that_no_result_could_have_are_bad_frames() {
+        let camera = CameraName::new("front").unwrap();
+        let sent = |encoding, capture_nanos| {
+            let mut header = FrameHeader { capture_nanos, ..FrameHeader::default() };
+            header.set_encoding(encoding);
+            format_of(&camera, &header).map_err(|error| error.kind())
+        };
+        assert_eq!(sent(Encoding::Mono8, 0), Ok(PixelFormat::Mono8));
+        assert_eq!(sent(Encoding::Mono8, -1), Err(SourceErrorKind::BadFrame));
+        assert_eq!(sent(Encoding::DepthF32, 0), Err(SourceErrorKind::BadFrame));
+    }
 
     #[test]
     fn an_image_without_a_time_of_day_gets_the_current_one() {

@@ -19,6 +19,7 @@ impl IpcError {
     fn fixed_hint(&self) -> Option<&'static str> {
         Some(match self {
             Self::Limit { .. } => "memory is reserved for each one, so allow as few as you need",
+            Self::CaptureTime { .. } => "if the capture time is unknown, give the current time of the clock",
             Self::Attitude { .. } => "give angles in radians: 90 degrees are 1.571",
             Self::Root { .. } => {
                 "set NUNET_IPC_ROOT to an absolute path of at most 40 bytes, such as /tmp/robot"
@@ -84,12 +85,15 @@ impl IpcError {
 
 #[cfg(test)]
 mod tests {
+    use nunet_types::Topic;
+
     use super::*;
 
     #[test]
     fn a_hint_is_not_part_of_the_text_and_names_no_option_of_a_program() {
         let errors = [
             IpcError::Limit { limit: "max_readers", value: 0, most: 64 },
+            IpcError::CaptureTime { topic: Topic::Rgb, nanos: -1 },
             IpcError::SharedMemoryMissing { source: std::io::Error::other("gone") },
             IpcError::UnknownGroup { group: "robots".into() },
             IpcError::iceoryx("publish", "InternalFailure"),

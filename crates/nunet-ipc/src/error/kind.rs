@@ -43,6 +43,7 @@ impl IpcError {
         use IpcErrorKind as Kind;
         match self {
             Self::Limit { .. }
+            | Self::CaptureTime { .. }
             | Self::Attitude { .. }
             | Self::PlannedTwice { .. }
             | Self::Root { .. }

@@ -35,6 +35,14 @@ pub enum IpcError {
         /// The largest allowed.
         most: usize,
     },
+    /// A capture time before the zero of its clock.
+    #[error("topic `{topic}`: `capture_nanos` is `{nanos}`, expected 0 or more")]
+    CaptureTime {
+        /// The topic of the message.
+        topic: Topic,
+        /// The time, nanoseconds.
+        nanos: i64,
+    },
     /// An angle that is not a number, or beyond a turn.
     #[error("attitude: {angle} is {value}, expected -2π to 2π")]
     Attitude {

@@ -70,14 +70,24 @@ impl Loan {
     /// frame.
     ///
     /// # Errors
-    /// [`IpcError::Iceoryx`].
+    /// [`IpcError::CaptureTime`] if the header's `capture_nanos` is negative, [`IpcError::Iceoryx`].
     pub fn publish(mut self, publish_nanos: i64) -> Result<usize, IpcError> {
         let (topic, payload_bytes) = (self.topic, self.payload_bytes as u64);
         let header = self.sample.user_header_mut();
+        check_capture_time(topic, header.capture_nanos)?;
         header.contract_version = CONTRACT_VERSION;
         header.set_topic(topic);
         header.payload_bytes = payload_bytes;
         header.publish_nanos = publish_nanos;
         self.sample.send().map_err(|cause| IpcError::iceoryx(format!("publish topic `{topic}`"), cause))
     }
+}
+
+/// Refuses a capture time before the zero of its clock, as [`Loan::publish`] does: for programs that know the time before
+/// they fill an image.
+///
+/// # Errors
+/// [`IpcError::CaptureTime`].
+pub fn check_capture_time(topic: Topic, nanos: i64) -> Result<(), IpcError> {
+    if nanos < 0 { Err(IpcError::CaptureTime { topic, nanos }) } else { Ok(()) }
 }

@@ -28,7 +28,7 @@ use crate::recovery::{CreationLock, create_node};
 use crate::service::{TopicService, WakeService, publisher_of};
 
 pub use checks::free_shared_memory_bytes;
-pub use loan::Loan;
+pub use loan::{Loan, check_capture_time};
 pub use sent::SentPayload;
 
 /// How soon a late subscriber receives the last frame while the source is paused: the period of

@@ -27,7 +27,7 @@ pub(super) fn ipc_error(error: IpcError) -> PyErr {
         }
         IpcError::NobodyPublishes { .. } => exception::<PyTimeoutError>(message(&error)),
         IpcError::ContractVersion { .. } => exception::<ContractVersionError>(message(&error)),
-        IpcError::Limit { .. } => exception::<PyValueError>(message(&error)),
+        IpcError::Limit { .. } | IpcError::CaptureTime { .. } => exception::<PyValueError>(message(&error)),
         error => exception::<NunetError>(message(&error)),
     }
 }

@@ -174,6 +174,7 @@ impl PyLoan {
     #[setter]
     fn set_capture_nanos(&self, nanos: &Bound<'_, PyAny>) -> PyResult<()> {
         let nanos = argument::capture_nanos(nanos)?;
+        ImageStamp { nanos, sequence: None }.check()?;
         self.capture.lock().unwrap_or_else(PoisonError::into_inner).nanos = nanos;
         Ok(())
     }

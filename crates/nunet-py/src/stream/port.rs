@@ -5,7 +5,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use nunet_core::camera::Camera;
 use nunet_ipc::{
-    CameraName, Clock, FrameHeader, IpcError, Limits, Topic, TopicPlan, Wake, monotonic_nanos, unix_nanos,
+    CameraName, Clock, FrameHeader, IpcError, Limits, Topic, TopicPlan, Wake, check_capture_time,
+    monotonic_nanos, unix_nanos,
 };
 use pyo3::prelude::*;
 
@@ -56,6 +57,16 @@ struct OpenTopic {
 pub(super) struct ImageStamp {
     pub(super) nanos: Option<i64>,
     pub(super) sequence: Option<u64>,
+}
+
+impl ImageStamp {
+    /// Refuses a time that cannot be sent, before an image is written for it.
+    ///
+    /// # Errors
+    /// `ValueError` for a negative time.
+    pub(super) fn check(self) -> PyResult<()> {
+        self.nanos.map_or(Ok(()), |nanos| check_capture_time(Topic::Rgb, nanos)).map_err(ipc_error)
+    }
 }
 
 impl ImageTopic {

@@ -183,8 +183,10 @@ impl PyPublisher {
         #[pyo3(from_py_with = argument::capture_nanos)] capture_nanos: Option<i64>,
         #[pyo3(from_py_with = argument::sequence)] sequence: Option<u64>,
     ) -> PyResult<PyLoan> {
+        let capture = ImageStamp { nanos: capture_nanos, sequence };
+        capture.check()?;
         self.port.check_open()?;
-        Ok(PyLoan::new(Arc::clone(&self.port), ImageStamp { nanos: capture_nanos, sequence }))
+        Ok(PyLoan::new(Arc::clone(&self.port), capture))
     }
 
     /// Send the last image to late subscribers now. Sending an image does the same, and so does a thread a few times per
