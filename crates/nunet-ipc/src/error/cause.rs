@@ -11,8 +11,9 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::{StatVfsMountFlags, statvfs};
 use rustix::io::Errno;
-use rustix::process::{Resource, Uid, geteuid, getrlimit};
+use rustix::process::{Resource, geteuid, getrlimit};
 
+use super::folder::{PERMISSIONS, closed, hint_for_closed, is_closed_by_mode, no_access};
 use crate::plan::SHARED_MEMORY_FOLDER;
 
 /// Why iceoryx2 failed.
@@ -118,12 +119,8 @@ impl fmt::Display for IceoryxCause {
         match &self.problem {
             Problem::ReadOnly(folder) => write!(f, "`{}` is on a read-only file system", folder.display()),
             Problem::Full(folder) => write!(f, "`{}` is full", folder.display()),
-            Problem::NoAccess { folder, uid } => {
-                write!(f, "nothing can be created in `{}`, which belongs to user {uid}", folder.display())
-            }
-            Problem::Closed { folder, mode } => {
-                write!(f, "the mode of `{}` is {mode:03o}, expected at least 700", folder.display())
-            }
+            Problem::NoAccess { folder, uid } => f.write_str(&no_access(folder, *uid)),
+            Problem::Closed { folder, mode } => f.write_str(&closed(folder, *mode)),
             Problem::TooManyFiles => f.write_str("this process has as many files open as it may"),
             Problem::SmallFiles(bytes) => write!(f, "this process may write files of at most {bytes} bytes"),
             Problem::Denied => f.write_str("access to a file of another user was denied"),
@@ -247,21 +244,6 @@ fn refused(folder: PathBuf, uid: u32, mode: u32) -> Problem {
     }
 }
 
-/// Whether it is its own mode that keeps a user out of a folder of `uid`, as a umask of 0777 does. Modes do not bind root.
-pub(crate) fn is_closed_by_mode(uid: u32, mode: u32, user: Uid) -> bool {
-    const OWNER_ALL: u32 = 0o700;
-    !user.is_root() && uid == user.as_raw() && mode & OWNER_ALL != OWNER_ALL
-}
-
-/// The bits of a mode without those of the kind of file.
-pub(crate) const PERMISSIONS: u32 = 0o7777;
-
-/// What opens a folder that its own mode closes.
-pub(super) fn hint_for_closed(folder: &Path) -> String {
-    let shown = folder.display();
-    format!("run `chmod u+rwx {shown}`; if a new folder has this mode too, start with `umask 022`")
-}
-
 #[cfg(test)]
 mod tests {
     use iceoryx2::node::NodeCreationFailure;
@@ -269,7 +251,11 @@ mod tests {
     use iceoryx2::port::publisher::PublisherCreateError;
     use iceoryx2::service::builder::event::{EventCreateError, EventOpenError, EventOpenOrCreateError};
 
+    use nunet_types::Hint as _;
+    use rustix::process::Uid;
+
     use super::*;
+    use crate::error::IpcError;
 
     /// Names of another program's types are not words: `EventCreateError`.
     fn has_a_type_name(text: &str) -> bool {
@@ -315,10 +301,21 @@ mod tests {
             assert!(!is_closed_by_mode(0, mode, Uid::ROOT), "{mode:o}");
         }
         assert!(!is_closed_by_mode(1000, 0o040_700, user));
-        let problem = Problem::Closed { folder: "/tmp/robot".into(), mode: 0 };
-        let cause = IceoryxCause { problem, root: "/tmp/robot".into(), variant: String::new() };
-        assert_eq!(cause.to_string(), "the mode of `/tmp/robot` is 000, expected at least 700");
-        assert!(cause.hint().contains("chmod u+rwx /tmp/robot") && cause.hint().contains("umask"));
+    }
+
+    #[test]
+    fn a_folder_is_refused_with_one_text_before_iceoryx2_is_asked_and_after() {
+        let folder = PathBuf::from("/tmp/robot");
+        let cause = |problem| IceoryxCause { problem, root: folder.clone(), variant: String::new() };
+        let closed = cause(Problem::Closed { folder: folder.clone(), mode: 0 });
+        let error = IpcError::FolderClosed { folder: folder.clone(), mode: 0 };
+        let hint = closed.hint();
+        assert_eq!(closed.to_string(), error.to_string());
+        assert_eq!(Some(hint.as_str()), error.hint().as_deref());
+        assert!(hint.contains("chmod u+rwx /tmp/robot") && hint.contains("umask"));
+        let refused = cause(Problem::NoAccess { folder: folder.clone(), uid: 7 });
+        let error = IpcError::NoAccess { folder: folder.clone(), uid: 7, group: "5".to_owned() };
+        assert_eq!(format!("{refused} and group 5"), error.to_string());
     }
 
     #[test]

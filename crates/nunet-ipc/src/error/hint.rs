@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use nunet_types::Hint;
 
 use super::IpcError;
-use super::cause::hint_for_closed;
+use super::folder::hint_for_closed;
 use crate::plan::SHARED_MEMORY_FOLDER;
 
 impl Hint for IpcError {

@@ -1,6 +1,7 @@
 //! The errors of publishers and readers.
 
 mod cause;
+mod folder;
 mod hint;
 mod kind;
 
@@ -15,7 +16,7 @@ use crate::plan::{Reservation, SHARED_MEMORY_FOLDER, megabytes};
 use crate::process::Process;
 
 pub use cause::IceoryxCause;
-pub(crate) use cause::{PERMISSIONS, is_closed_by_mode};
+pub(crate) use folder::{PERMISSIONS, is_closed_by_mode};
 pub use kind::IpcErrorKind;
 
 /// The errors of this crate, except those with a type of their own
@@ -265,7 +266,7 @@ pub enum IpcError {
         mode: u32,
     },
     /// This user is neither the owner of iceoryx2's folder nor in its group.
-    #[error("this user may not use `{folder}`: it belongs to user {uid} and group {group}")]
+    #[error("{} and group {group}", folder::no_access(folder, *uid))]
     NoAccess {
         /// The folder.
         folder: PathBuf,
@@ -275,7 +276,7 @@ pub enum IpcError {
         group: String,
     },
     /// iceoryx2's folder belongs to this user, but its mode closes it.
-    #[error("the mode of `{}` is {mode:03o}, expected at least 700", folder.display())]
+    #[error("{}", folder::closed(folder, *mode))]
     FolderClosed {
         /// The folder.
         folder: PathBuf,
