@@ -5,6 +5,7 @@
 //! | `address` | the address of the autopilot: [`MavlinkAddress`] |
 //! | `ring` | sectors as 72 distances around the vehicle: [`DistanceRing`] |
 //! | `messages` | the bytes of messages |
+//! | `lookup` | the address of a host |
 //! | `link` | a connection that is reopened after a failure: [`MavlinkLink`] |
 //!
 //! # Example: an obstacle to the right
@@ -26,6 +27,7 @@
 
 mod address;
 mod link;
+mod lookup;
 mod messages;
 mod ring;
 

@@ -2,7 +2,7 @@
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read as _, Write as _};
-use std::net::{Ipv6Addr, SocketAddr, TcpStream, ToSocketAddrs as _, UdpSocket};
+use std::net::{Ipv6Addr, SocketAddr, TcpStream, UdpSocket};
 use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -11,6 +11,7 @@ use rustix::fs::OFlags;
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 
 use crate::address::MavlinkAddress;
+use crate::lookup::HostLookup;
 use crate::messages::MessageWriter;
 use crate::ring::DistanceRing;
 
@@ -34,10 +35,11 @@ pub enum LinkEvent {
 }
 
 /// Sends heartbeats and distances. A connection that fails is opened again. Calls may block for a second, so it belongs on a
-/// thread of its own.
+/// thread of its own. They do not wait for the lookup of a host: they send nothing until it has ended.
 #[derive(Debug)]
 pub struct MavlinkLink {
     address: MavlinkAddress,
+    lookup: HostLookup,
     messages: MessageWriter,
     port: Option<Connection>,
     retry_at: Option<Instant>,
@@ -53,6 +55,7 @@ impl MavlinkLink {
     pub fn new(address: MavlinkAddress) -> Self {
         Self {
             address,
+            lookup: HostLookup::default(),
             messages: MessageWriter::default(),
             port: None,
             retry_at: None,
@@ -94,9 +97,10 @@ impl MavlinkLink {
         if self.port.is_some() || self.retry_at.is_some_and(|next| now < next) {
             return None;
         }
-        match Connection::open(&self.address) {
+        match Connection::open(&self.address, &mut self.lookup) {
+            Ok(None) => None,
             Ok(port) => {
-                self.port = Some(port);
+                self.port = port;
                 self.is_reported = false;
                 Some(LinkEvent::Opened)
             }
@@ -125,28 +129,32 @@ enum Connection {
 }
 
 impl Connection {
-    fn open(address: &MavlinkAddress) -> io::Result<Self> {
+    /// `None` while the host is looked up.
+    fn open(address: &MavlinkAddress, lookup: &mut HostLookup) -> io::Result<Option<Self>> {
         match address {
-            MavlinkAddress::Udp(to) => {
-                let to = resolved(to)?;
-                let any: SocketAddr = match to {
-                    SocketAddr::V4(_) => ([0; 4], 0).into(),
-                    SocketAddr::V6(_) => (Ipv6Addr::UNSPECIFIED, 0).into(),
-                };
-                let socket = UdpSocket::bind(any)?;
-                socket.connect(to)?;
-                socket.set_nonblocking(true)?;
-                Ok(Self::Udp(socket))
-            }
-            MavlinkAddress::Tcp(to) => {
-                let stream = TcpStream::connect_timeout(&resolved(to)?, TIMEOUT)?;
-                stream.set_write_timeout(Some(TIMEOUT))?;
-                stream.set_read_timeout(Some(Duration::from_millis(1)))?;
-                stream.set_nodelay(true)?;
-                Ok(Self::Tcp(stream))
-            }
-            MavlinkAddress::Serial { device, baud } => serial(device, *baud).map(Self::Serial),
+            MavlinkAddress::Udp(host) => lookup.poll(host)?.map(Self::udp).transpose(),
+            MavlinkAddress::Tcp(host) => lookup.poll(host)?.map(Self::tcp).transpose(),
+            MavlinkAddress::Serial { device, baud } => Ok(Some(Self::Serial(serial(device, *baud)?))),
         }
+    }
+
+    fn udp(to: SocketAddr) -> io::Result<Self> {
+        let any: SocketAddr = match to {
+            SocketAddr::V4(_) => ([0; 4], 0).into(),
+            SocketAddr::V6(_) => (Ipv6Addr::UNSPECIFIED, 0).into(),
+        };
+        let socket = UdpSocket::bind(any)?;
+        socket.connect(to)?;
+        socket.set_nonblocking(true)?;
+        Ok(Self::Udp(socket))
+    }
+
+    fn tcp(to: SocketAddr) -> io::Result<Self> {
+        let stream = TcpStream::connect_timeout(&to, TIMEOUT)?;
+        stream.set_write_timeout(Some(TIMEOUT))?;
+        stream.set_read_timeout(Some(Duration::from_millis(1)))?;
+        stream.set_nodelay(true)?;
+        Ok(Self::Tcp(stream))
     }
 
     fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
@@ -183,11 +191,6 @@ fn discard_input(stream: &mut TcpStream) {
     }
 }
 
-fn resolved(address: &str) -> io::Result<SocketAddr> {
-    let unknown = || io::Error::new(io::ErrorKind::NotFound, format!("`{address}` has no address"));
-    address.to_socket_addrs()?.next().ok_or_else(unknown)
-}
-
 /// Opens a serial line in raw mode. A write fails instead of blocking if the buffer is full.
 fn serial(device: &Path, baud: u32) -> io::Result<File> {
     let flags = (OFlags::NOCTTY | OFlags::NONBLOCK).bits();
@@ -202,6 +205,7 @@ fn serial(device: &Path, baud: u32) -> io::Result<File> {
 #[cfg(test)]
 mod tests {
     use std::net::TcpListener;
+    use std::sync::mpsc::channel;
 
     use super::*;
 
@@ -256,6 +260,30 @@ mod tests {
         let mut heartbeat = [0; 10];
         accepted.read_exact(&mut heartbeat).unwrap();
         assert_eq!((heartbeat[0], number(&heartbeat)), (0xfd, HEARTBEAT_NUMBER));
+    }
+
+    #[test]
+    fn a_lookup_that_does_not_end_holds_nobody_up() {
+        let (answer, answered) = channel();
+        let mut link = MavlinkLink::new(MavlinkAddress::Udp("autopilot:14550".to_owned()));
+        let looked = link.lookup.poll_with(move || answered.recv().map_err(io::Error::other));
+        assert_eq!(looked.unwrap(), None);
+        let start = Instant::now();
+        assert_eq!(link.keep_alive(start), None);
+        assert_eq!(link.send(&DistanceRing::default(), 1, start), None);
+
+        let autopilot = UdpSocket::bind("127.0.0.1:0").unwrap();
+        autopilot.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
+        answer.send(autopilot.local_addr().unwrap()).unwrap();
+        let event = loop {
+            if let Some(event) = link.keep_alive(Instant::now()) {
+                break event;
+            }
+            assert!(start.elapsed() < Duration::from_secs(60), "the answer is not taken");
+            std::thread::sleep(Duration::from_millis(1));
+        };
+        assert_eq!(event, LinkEvent::Opened);
+        assert_eq!(number(&received(&autopilot)), HEARTBEAT_NUMBER);
     }
 
     #[test]
