@@ -14,7 +14,7 @@ use nunet_sink::file_plan::FilePlanError;
 use nunet_sink::file_writer::FilesLate;
 pub use nunet_sink::sink::Outcome;
 use nunet_source::{CameraNews, SourceError, SourceErrorKind};
-use nunet_types::{Hint, printable, split_hint};
+use nunet_types::{CAUSE_MARK, Hint, printable, split_hint};
 use tracing::warn;
 
 use nunet_sink::stdout::StdoutError;
@@ -276,7 +276,7 @@ impl FailureReport {
 /// The error and its causes, one per line, and the hints.
 pub(crate) fn message_and_hints(error: &anyhow::Error) -> (String, Vec<String>) {
     let FailureReport { causes, hints } = FailureReport::of(error);
-    (causes.join("\n  because: "), hints)
+    (causes.join(CAUSE_MARK), hints)
 }
 
 /// One line per cause, then the hints.

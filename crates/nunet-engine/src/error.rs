@@ -90,8 +90,10 @@ pub enum EngineError {
     Refused {
         /// The error's kind.
         kind: EngineErrorKind,
-        /// The error and its causes, one a line.
+        /// What failed.
         message: String,
+        /// The causes that it reported.
+        source: Option<Box<dyn StdError + Send + Sync>>,
         /// The hint.
         hint: Option<String>,
         /// What only a log of details should show.

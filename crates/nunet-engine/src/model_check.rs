@@ -4,6 +4,7 @@
 //! The parent starts `nunetd check-model` ([`check`]); the child limits itself and loads the model
 //! (`checked_load.rs`). If it refuses the model, it prints one JSON object on stdout.
 
+use std::error::Error;
 use std::io::Read as _;
 use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
 use std::path::{Path, PathBuf};
@@ -13,6 +14,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use nunet_core::graph::Provider;
+use nunet_types::CAUSE_MARK;
 use rustix::process::Signal;
 use serde::{Deserialize, Serialize};
 use tracing::info;
@@ -40,7 +42,7 @@ pub const CHECK_SUBCOMMAND: &str = "check-model";
 pub struct Refusal {
     /// The error's kind, by name.
     kind: String,
-    /// The error and its causes, one a line.
+    /// The error and its causes, with [`CAUSE_MARK`] between them.
     message: String,
     /// The hint.
     hint: Option<String>,
@@ -50,7 +52,7 @@ pub struct Refusal {
 }
 
 impl Refusal {
-    /// The report about an error; `message` and `hint` are shown to the user.
+    /// The report about an error; `message`, with [`CAUSE_MARK`] before each cause, and `hint` are shown to the user.
     #[must_use]
     pub fn new(kind: EngineErrorKind, message: impl Into<String>, hint: Option<String>) -> Self {
         Self { kind: kind.name().to_owned(), message: message.into(), hint, details: None }
@@ -70,8 +72,23 @@ impl Refusal {
 
     fn into_error(self) -> EngineError {
         let Self { kind, message, hint, details } = self;
-        EngineError::Refused { kind: EngineErrorKind::named(&kind), message, hint, details }
+        let mut parts = message.split(CAUSE_MARK).map(str::to_owned);
+        let message = parts.next().unwrap_or_default();
+        let causes: Vec<String> = parts.collect();
+        let source = causes.into_iter().rfold(None, |source, message| {
+            let cause: Box<dyn Error + Send + Sync> = Box::new(ReportedCause { message, source });
+            Some(cause)
+        });
+        EngineError::Refused { kind: EngineErrorKind::named(&kind), message, source, hint, details }
     }
+}
+
+/// A cause that the child process reported.
+#[derive(Debug, thiserror::Error)]
+#[error("{message}")]
+struct ReportedCause {
+    message: String,
+    source: Option<Box<dyn Error + Send + Sync>>,
 }
 
 /// Makes sure that `model` can be loaded into this process. Returns the hashes of its files: only these were checked.
@@ -216,7 +233,7 @@ fn refusal(stdout: &str, stderr: &str) -> Refusal {
 
 #[cfg(test)]
 mod tests {
-    use nunet_types::Hint as _;
+    use nunet_types::{Hint as _, text_with_causes};
 
     use super::*;
 
@@ -243,6 +260,14 @@ mod tests {
             ("stages do not fit", Some("export again"))
         );
         assert_eq!(error.details(), Some("/a/b.cc:1 f() stages do not fit"));
+    }
+
+    #[test]
+    fn the_causes_in_a_refusal_are_causes_of_the_error() {
+        let message = format!("cannot use `a`{CAUSE_MARK}stages do not fit{CAUSE_MARK}`b` is too large");
+        let error = Refusal::new(EngineErrorKind::Wiring, message, None).into_error();
+        assert_eq!(error.to_string(), "cannot use `a`");
+        assert_eq!(text_with_causes(&error), "cannot use `a`: stages do not fit: `b` is too large");
     }
 
     #[test]

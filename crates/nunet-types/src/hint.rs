@@ -36,6 +36,9 @@ pub fn hint_of_listen(error: &io::Error, example: &str) -> Option<Cow<'static, s
     }
 }
 
+/// Between an error and each of its causes, where all are one text of several lines.
+pub const CAUSE_MARK: &str = "\n  because: ";
+
 /// An error and its causes in one line: `cannot read a.png: it is cut off`.
 #[must_use]
 pub fn text_with_causes(error: &dyn Error) -> String {

@@ -55,7 +55,7 @@ pub use classes::NYU13_CLASSES;
 pub use cloud_point::{CloudPoint, NO_LABEL};
 pub use contract::CONTRACT_VERSION;
 pub use depth::{Quality, ScaleSource, Units};
-pub use hint::{Hint, hint_of_listen, join_hint, split_hint, text_with_causes, text_with_hint};
+pub use hint::{CAUSE_MARK, Hint, hint_of_listen, join_hint, split_hint, text_with_causes, text_with_hint};
 pub use host_port::is_host_and_port;
 pub use image_size::{ImageSize, ImageSizeError, MAX_SIDE_PX};
 pub use message::{Clock, Encoding, Topic, Wake};

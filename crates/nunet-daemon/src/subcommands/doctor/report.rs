@@ -1,5 +1,6 @@
 //! The list of checks, as text and as JSON.
 
+use nunet_types::CAUSE_MARK;
 use serde::Serialize;
 use serde_json::json;
 
@@ -23,7 +24,7 @@ impl Problem {
     /// The problem for an error.
     pub(super) fn of(error: impl Into<anyhow::Error>) -> Self {
         let (message, hints) = message_and_hints(&error.into());
-        let detail = message.replace("\n  because: ", ": ");
+        let detail = message.replace(CAUSE_MARK, ": ");
         Self { detail, hint: (!hints.is_empty()).then(|| hints.join("; ")) }
     }
 }
