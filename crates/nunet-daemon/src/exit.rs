@@ -327,8 +327,9 @@ mod tests {
 
     #[test]
     fn a_name_cannot_add_a_line_or_control_the_terminal() {
-        let error = WithHint::new("cannot read `a\nhint: b\u{1b}[2J`", "remove `a\nhint: b\u{1b}[2J`").into();
-        let name = "`a\\nhint: b\\u{1b}[2J`";
+        let error =
+            WithHint::new("cannot read `a`\nhint: b\u{1b}[2J`", "remove `a`\nhint: b\u{1b}[2J`").into();
+        let name = "`a`\\nhint: b\\u001b[2J`";
         assert_eq!(chain_text(&error), format!("error: cannot read {name}\nhint: remove {name}\n"));
     }
 

@@ -11,7 +11,7 @@ use nunet_core::filter::FilterError;
 use nunet_core::frame::FrameError;
 use nunet_core::graph::{GraphError, RuntimeError};
 use nunet_core::pipeline::PipelineError;
-use nunet_types::Hint;
+use nunet_types::{Hint, printable};
 
 use crate::error_kind::EngineErrorKind;
 use crate::text::{MODELS_VARIABLE, ONNX_RUNTIME_VERSION};
@@ -235,7 +235,7 @@ fn model_hint(is_bare: bool, bundled: &[String], folders: &[PathBuf]) -> String 
             .to_owned();
     }
     if !bundled.is_empty() {
-        return format!("use one of the bundled models: {}", bundled.join(", "));
+        return format!("use one of the bundled models: {}", printable::one_line(&bundled.join(", ")));
     }
     let searched: Vec<_> = folders.iter().map(|folder| format!("`{}`", folder.display())).collect();
     format!(

@@ -5,6 +5,7 @@
 use std::path::{Path, PathBuf};
 
 use nunet_core::graph::Runtime;
+use nunet_types::printable;
 
 use crate::error::EngineError;
 use crate::installation::installation;
@@ -53,7 +54,9 @@ impl LibraryFile {
 }
 
 fn not_found(places: &[SearchFolder]) -> EngineError {
-    let line = |place: &SearchFolder| format!("\n    {}: {}", place.name, place.folder.display());
+    let line = |place: &SearchFolder| {
+        format!("\n    {}: {}", place.name, printable::one_line(&place.folder.to_string_lossy()))
+    };
     EngineError::LibraryNotFound { places: places.iter().map(line).collect() }
 }
 

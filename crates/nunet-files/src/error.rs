@@ -5,7 +5,7 @@ use std::error::Error;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use nunet_types::Hint;
+use nunet_types::{Hint, printable};
 
 /// The error of a library.
 pub(crate) type Cause = Box<dyn Error + Send + Sync>;
@@ -95,7 +95,8 @@ impl Hint for FilesError {
         match self {
             Self::NotAFolder { .. } => Some("pass another folder".into()),
             Self::NoFolder { folder, .. } => {
-                Some(format!("make it first: mkdir -p {}", folder.display()).into())
+                let folder = folder.to_string_lossy();
+                Some(format!("make it first: mkdir -p {}", printable::one_line(&folder)).into())
             }
             Self::NamedPipe { .. } => Some("name a regular file".into()),
             _ => None,

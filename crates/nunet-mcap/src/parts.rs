@@ -90,7 +90,7 @@ fn parts_of_folder(folder: &Path) -> Result<Vec<PathBuf>, RecordingError> {
         [_] => Ok(files),
         _ if information.is_some() || are_parts(&files) => Ok(files),
         [first, ..] => {
-            let hint = format!("name one of its files, such as {}", first.display());
+            let hint = format!("name one of its files, such as `{}`", first.display());
             refused(format!("its {} MCAP files are not parts of one recording", files.len()), hint)
         }
     }

@@ -60,8 +60,16 @@ mod tests {
 
     #[test]
     fn a_log_line_stays_one_line() {
-        assert_eq!(escaped(b"INFO `a\nERROR b\x1b[2J`\n", false), "INFO `a\\nERROR b\\u{1b}[2J`\n");
+        assert_eq!(escaped(b"INFO `a\nERROR b\x1b[2J`\n", false), "INFO `a\\nERROR b\\u001b[2J`\n");
         assert_eq!(escaped(b"\x1b[32mINFO\x1b[0m `a\nb`\n", true), "\x1b[32mINFO\x1b[0m `a\\nb`\n");
         assert_eq!(escaped(b"{\"message\":\"a\\nb\"}\n", false), "{\"message\":\"a\\nb\"}\n");
+    }
+
+    #[test]
+    fn names_do_not_make_invalid_json() {
+        let json = serde_json::json!({ "message": "`fly\u{202e}gpj.png\u{7f}\u{85}\u{1b}`" });
+        let printed = escaped(format!("{json}\n").as_bytes(), false);
+        assert!(printed.trim_end().is_ascii(), "{printed}");
+        assert_eq!(serde_json::from_str::<serde_json::Value>(&printed).unwrap(), json);
     }
 }

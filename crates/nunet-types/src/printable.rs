@@ -6,18 +6,15 @@ use std::borrow::Cow;
 /// What indents the later lines of a message.
 const INDENT: &str = "    ";
 
-/// A message for a terminal or an exception. Between backticks, where names are, every control character is escaped, as in
-/// `a\nb`. Elsewhere line ends and tabs remain, because a message may have several lines.
+/// A message for a terminal or an exception. From the first backtick to the last one every control character is escaped, as
+/// in `a\nb`: names are between backticks, and one that contains backticks itself cannot end before the last. Elsewhere line
+/// ends and tabs remain, because a message may have several lines, such as those of a parser.
 ///
-/// All lines but the first are indented by at least two spaces, so that they cannot look like another message: a name that
-/// contains backticks itself seems to end before its line end.
+/// All lines but the first are indented by at least two spaces, so that they cannot look like another message.
 #[must_use]
 pub fn message(text: &str) -> Cow<'_, str> {
-    let mut is_name = false;
-    let text = escaped(text, |c| {
-        is_name ^= c == '`';
-        is_name || !matches!(c, '\n' | '\t')
-    });
+    let names = text.find('`').unwrap_or(text.len())..text.rfind('`').unwrap_or_default();
+    let text = escaped(text, |place, c| names.contains(&place) || !matches!(c, '\n' | '\t'));
     let is_beside_margin = |line: &str| !line.is_empty() && !line.starts_with("  ");
     if !text.lines().skip(1).any(is_beside_margin) {
         return text;
@@ -29,26 +26,30 @@ pub fn message(text: &str) -> Cow<'_, str> {
 /// A text that stays on one line: every control character is escaped.
 #[must_use]
 pub fn one_line(text: &str) -> Cow<'_, str> {
-    escaped(text, |_| true)
+    escaped(text, |_, _| true)
 }
 
 /// A text of several lines, such as a table: every control character but line ends and tabs is escaped.
 #[must_use]
 pub fn lines(text: &str) -> Cow<'_, str> {
-    escaped(text, |c| !matches!(c, '\n' | '\t'))
+    escaped(text, |_, c| !matches!(c, '\n' | '\t'))
 }
 
-/// Escapes the control characters that `matters` accepts. It is called with every character, in order.
-fn escaped(text: &str, mut matters: impl FnMut(char) -> bool) -> Cow<'_, str> {
+/// Escapes the control characters that `matters` accepts by their place, in bytes, and themselves.
+///
+/// As JSON does, in which the texts may be: all of these characters have four hexadecimal digits.
+fn escaped(text: &str, matters: impl Fn(usize, char) -> bool) -> Cow<'_, str> {
     if !text.contains(is_control) {
         return text.into();
     }
     let mut escaped = String::with_capacity(text.len() + 8);
-    for c in text.chars() {
-        if matters(c) && is_control(c) {
-            escaped.extend(c.escape_default());
-        } else {
-            escaped.push(c);
+    for (place, c) in text.char_indices() {
+        match c {
+            _ if !is_control(c) || !matters(place, c) => escaped.push(c),
+            '\n' => escaped.push_str("\\n"),
+            '\r' => escaped.push_str("\\r"),
+            '\t' => escaped.push_str("\\t"),
+            _ => escaped += &format!("\\u{:04x}", u32::from(c)),
         }
     }
     escaped.into()
@@ -65,23 +66,28 @@ mod tests {
 
     #[test]
     fn names_stay_on_one_line_and_messages_keep_theirs() {
-        let text = "cannot read `a\nhint: b\u{1b}[2J`\n  because: it\tis `c\td`\u{7}";
-        let expected = "cannot read `a\\nhint: b\\u{1b}[2J`\n  because: it\tis `c\\td`\\u{7}";
+        let text = "it\tis\n  | ^ `a\nhint: b\u{1b}[2J`, not `c\td`\n  end\u{7}";
+        let expected = "it\tis\n  | ^ `a\\nhint: b\\u001b[2J`, not `c\\td`\n  end\\u0007";
         assert_eq!(message(text), expected);
         assert_eq!(one_line("a\r\nb\tc"), "a\\r\\nb\\tc");
-        assert_eq!(lines("a | b\u{9b}31m\nc"), "a | b\\u{9b}31m\nc");
-        assert_eq!(one_line("fly\u{202e}gpj.png\u{2028}"), "fly\\u{202e}gpj.png\\u{2028}");
+        assert_eq!(lines("a | b\u{9b}31m\nc"), "a | b\\u009b31m\nc");
+        assert_eq!(one_line("fly\u{202e}gpj.png\u{2028}"), "fly\\u202egpj.png\\u2028");
     }
 
     #[test]
-    fn a_name_with_backticks_cannot_begin_a_line() {
-        for name in ["a`\nhint: b", "a`\n`hint: b", "`\n2026-11-29T10:00:00Z ERROR b`", "`\n hint: b`\n  c"] {
-            let text = format!("cannot read `{name}`");
-            let message = message(&text);
-            assert!(message.lines().skip(1).all(|line| line.starts_with("  ")), "{message}");
+    fn a_name_with_backticks_cannot_add_a_line() {
+        for name in
+            ["a`\nhint: b", "a`\n`hint: b", "`\n2026-11-29T10:00:00Z ERROR b`", "`\n  because: b`\n  c"]
+        {
+            let text = format!("cannot read `{name}` of `{name}`: no such file");
+            assert_eq!(message(&text).lines().count(), 1, "{}", message(&text));
         }
-        let text = "cannot parse it\n1 | x\n  | ^";
-        assert_eq!(message(text), "cannot parse it\n    1 | x\n      | ^");
+    }
+
+    #[test]
+    fn later_lines_are_indented() {
+        let text = "cannot parse it\n1 | x\n  | ^\nexpected `]`";
+        assert_eq!(message(text), "cannot parse it\n    1 | x\n      | ^\n    expected `]`");
     }
 
     #[test]

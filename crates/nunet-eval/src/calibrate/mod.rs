@@ -228,7 +228,7 @@ impl Calibrator {
                     truth.depth_m.iter().for_each(|&meters| range.see(meters));
                     self.predict_and_report(&frame, on_event)?;
                     let factor = self.over_image(&truth.depth_m, options.depth_cap_m);
-                    self.observe(format!("image {id}"), factor);
+                    self.observe(format!("image `{id}`"), factor);
                 }
                 Err(error) => on_event(Event::Skipped {
                     id,

@@ -24,7 +24,7 @@ pub enum CalibrationError {
     /// A file of several cameras.
     #[error("it has the cameras {names}, expected one")]
     SeveralCameras {
-        /// Their names.
+        /// The names of the first ones.
         names: String,
     },
     /// Not YAML, or a value of the wrong type.

@@ -6,7 +6,9 @@ use nunet_types::SensorRegion;
 use serde::Deserialize;
 
 use super::{Calibration, CalibrationError, RosCameraInfo};
-use crate::text::shortened;
+
+/// The most cameras that an error names.
+const SHOWN: usize = 4;
 
 /// One camera.
 #[derive(Deserialize)]
@@ -34,8 +36,8 @@ pub(super) fn calibration(
     cameras.remove(super::scale::KEY);
     let mut all = cameras.iter();
     let (Some((name, camera)), None) = (all.next(), all.next()) else {
-        let names = cameras.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
-        return Err(CalibrationError::SeveralCameras { names: shortened(&names) });
+        let names = cameras.keys().take(SHOWN).map(|name| format!("`{name:.40}`"));
+        return Err(CalibrationError::SeveralCameras { names: names.collect::<Vec<_>>().join(", ") });
     };
     let missing = |key: &str| CalibrationError::Missing { key: format!("{name}: {key}") };
     let model = camera.camera_model.as_deref().ok_or_else(|| missing("camera_model"))?;

@@ -245,7 +245,7 @@ fn kalibrs_camchain_and_an_echoed_message_are_read() {
     let kalibr = case("kalibr.yaml");
     let two = format!("{kalibr}{}", kalibr.replace("cam0", "cam1"));
     let two = Calibration::parse(&two).unwrap_err();
-    assert_eq!(two, CalibrationError::SeveralCameras { names: "cam0, cam1".to_owned() });
+    assert_eq!(two, CalibrationError::SeveralCameras { names: "`cam0`, `cam1`".to_owned() });
     for (from, to) in [("pinhole", "omni"), ("pinhole", "eucm"), ("radtan", "fov")] {
         let other = Calibration::parse(&kalibr.replace(from, to)).unwrap_err();
         assert!(matches!(other, CalibrationError::UnknownModel { .. }), "{other}");
