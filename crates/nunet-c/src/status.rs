@@ -8,7 +8,7 @@ use std::ffi::{CStr, CString, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use nunet_ipc::{CameraNameError, IpcError, IpcErrorKind};
-use nunet_types::{Hint as _, text_with_causes};
+use nunet_types::{Hint as _, join_hint, printable, text_with_causes};
 
 /// What a function returns. `NUNET_OK` is 0; `nunet_last_error()` describes everything else.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -100,17 +100,18 @@ impl Failure {
         Self { hint: Some(hint.into()), ..self }
     }
 
-    /// The text of `nunet_last_error()`: the hint is its last line.
+    /// The text of `nunet_last_error()`: the hint is its last line. Names in it cannot add another one.
     fn text(&self) -> String {
+        let message = printable::message(&self.message);
         match &self.hint {
-            Some(hint) => nunet_types::join_hint(&self.message, hint),
-            None => self.message.clone(),
+            Some(hint) => join_hint(message, printable::message(hint)),
+            None => message.into_owned(),
         }
     }
 
     fn remember(self) -> StatusCode {
-        // A text for C ends at its first zero byte.
-        let text = CString::new(self.text().replace('\0', "\\0")).unwrap_or_default();
+        // It has no zero byte, at which a text for C would end: that is a control character.
+        let text = CString::new(self.text()).unwrap_or_default();
         // Fails only while the thread ends, when no caller can ask any more.
         let _ = LAST.try_with(|last| last.replace(text));
         self.status
@@ -207,8 +208,15 @@ mod tests {
     fn a_failure_stays_until_the_next_one_and_in_its_thread() {
         assert_eq!(guard(|| Err(Failure::argument("a\0b"))), StatusCode::BadArgument);
         assert_eq!(guard(|| Ok(())), StatusCode::Ok);
-        assert_eq!(last(), "a\\0b");
+        assert_eq!(last(), "a\\u0000b");
         assert_eq!(std::thread::spawn(last).join().unwrap(), "");
+    }
+
+    #[test]
+    fn a_name_cannot_add_a_hint() {
+        let name = "a`\nhint: b";
+        let failure = Failure::argument(format!("no folder `{name}`")).hint(format!("make `{name}`"));
+        assert_eq!(failure.text(), "no folder `a`\\nhint: b`\nhint: make `a`\\nhint: b`");
     }
 
     #[test]

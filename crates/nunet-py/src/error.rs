@@ -6,7 +6,7 @@ use std::fmt::Display;
 use nunet_core::camera::CameraError;
 use nunet_daemon::embed;
 use nunet_engine::EngineErrorKind;
-use nunet_types::{join_hint, split_hint};
+use nunet_types::{join_hint, printable, split_hint};
 use pyo3::PyTypeInfo;
 use pyo3::exceptions::{PyFileNotFoundError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
@@ -61,9 +61,10 @@ pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("ContractVersionError", py.get_type::<ContractVersionError>())
 }
 
-/// An exception whose text ends with the hint, which is its attribute `hint` too.
+/// An exception whose text ends with the hint, which is its attribute `hint` too. Names in both cannot add another one.
 pub(crate) fn hinted<E: PyTypeInfo>(text: impl Display, hint: impl Display) -> PyErr {
-    exception::<E>(join_hint(text, hint))
+    let (text, hint) = (text.to_string(), hint.to_string());
+    exception::<E>(join_hint(printable::message(&text), printable::message(&hint)))
 }
 
 /// An exception with this text, which may end with lines `hint: ...`.
@@ -106,12 +107,16 @@ fn raise(kind: EngineErrorKind, message: String) -> PyErr {
 
 /// Issues a `UserWarning` that ends with a hint.
 pub(crate) fn warn_with_hint(py: Python<'_>, message: &str, hint: &str) -> PyResult<()> {
-    warn(py, &join_hint(message, hint))
+    issue(py, &join_hint(printable::message(message), printable::message(hint)))
 }
 
 /// Issues a `UserWarning` at the caller's line.
 pub(crate) fn warn(py: Python<'_>, message: &str) -> PyResult<()> {
-    // Text from a model file may hold a NUL, which would end the C string.
-    let message = CString::new(message.replace('\0', "")).unwrap_or_default();
-    PyErr::warn(py, &py.get_type::<PyUserWarning>(), &message, 1)
+    issue(py, &printable::message(message))
+}
+
+fn issue(py: Python<'_>, text: &str) -> PyResult<()> {
+    // It has no NUL, which would end the C string: that is a control character.
+    let text = CString::new(text).unwrap_or_default();
+    PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)
 }

@@ -169,6 +169,9 @@ def test_bad_models_raise_the_exception_of_their_kind(tmp_path):
 def test_invalid_options_are_refused():
     with pytest.raises(ValueError, match=r"`provider` is `gpu`; .*\nhint: pass one of auto, cpu, openvino"):
         nunet.Model(TINY, provider="gpu")
+    with pytest.raises(ValueError, match="`provider` is `gpu`") as error:
+        nunet.Model(TINY, provider="gpu`\nhint: none")
+    assert len(hint_of(error).splitlines()) == 2 and error.value.hint.startswith("pass one of")
     for threads in (0, -1):
         with pytest.raises(ValueError, match=f"`threads` is `{threads}`; expected 1 or more\nhint: "):
             nunet.Model(TINY, threads=threads)

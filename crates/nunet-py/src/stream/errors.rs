@@ -3,7 +3,7 @@
 use std::error::Error;
 
 use nunet_ipc::{CameraName, IpcError, Topic};
-use nunet_types::{Hint, join_hint, text_with_hint};
+use nunet_types::{Hint, join_hint, printable, text_with_causes};
 use pyo3::exceptions::{PyTimeoutError, PyValueError};
 use pyo3::prelude::*;
 
@@ -32,12 +32,13 @@ pub(super) fn ipc_error(error: IpcError) -> PyErr {
     }
 }
 
-/// The text of an error with its cause and its hint.
+/// The text of an error with its causes and its hint.
 fn message<E: Error + Hint>(error: &E) -> String {
-    match (error.source(), error.hint()) {
-        (None, _) => text_with_hint(error),
-        (Some(cause), None) => format!("{error}: {cause}"),
-        (Some(cause), Some(hint)) => join_hint(format_args!("{error}: {cause}"), hint),
+    let text = text_with_causes(error);
+    let text = printable::message(&text);
+    match error.hint() {
+        Some(hint) => join_hint(text, printable::message(&hint)),
+        None => text.into_owned(),
     }
 }
 
