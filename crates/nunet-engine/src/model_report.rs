@@ -1,9 +1,8 @@
 //! The description of a model file as text, and as the JSON of `nunetd inspect --json`.
 
-use std::fmt::Write as _;
-
 use nunet_core::graph::{SerialGraph, StageInfo, TensorSpec};
 use nunet_core::model::{ModelDescription, SelfTestReport, StateTensor};
+use nunet_types::printable;
 use serde_json::{Value, json};
 
 /// A model that was loaded and self-tested.
@@ -105,51 +104,48 @@ impl ModelReport<'_> {
         all.filter(move |tensor| foreign || ["depth", "labels", "confidence"].contains(&tensor.name.as_str()))
     }
 
-    /// The description as text, with a line feed at its end.
+    /// The description as text, with a line feed at its end. Names in the model cannot add a line.
     #[must_use]
     pub fn text(&self) -> String {
-        let mut text = String::new();
-        // Writing to a string does not fail.
-        let _ = self.write_text(&mut text);
-        text
+        text_of(&self.lines())
     }
 
-    fn write_text(&self, text: &mut String) -> std::fmt::Result {
+    fn lines(&self) -> Vec<String> {
         let about = self.description();
-        let size = self.graph.size();
         let trained = match self.trained() {
             Some(true) => ", trained",
             Some(false) => ", UNTRAINED: its depth is meaningless",
             None => "",
         };
-        writeln!(text, "{}\n  sha256       {}", self.file, self.hash)?;
-        writeln!(text, "  architecture {}{trained}", about.architecture)?;
-        writeln!(text, "  image        {size}")?;
-        writeln!(text, "  depth        {}{}", about.encoding, self.limits_text())?;
+        let mut lines = vec![
+            self.file.clone(),
+            format!("  sha256       {}", self.hash),
+            format!("  architecture {}{trained}", about.architecture),
+            format!("  image        {}", self.graph.size()),
+            format!("  depth        {}{}", about.encoding, self.limits_text()),
+        ];
         if let (Some(parameters), Some(gflop)) = (self.parameters(), self.gflop()) {
-            writeln!(text, "  size         {:.1} M weights, {gflop:.1} GFLOP", parameters as f64 / 1e6)?;
+            let millions = parameters as f64 / 1e6;
+            lines.push(format!("  size         {millions:.1} M weights, {gflop:.1} GFLOP"));
         }
         for component in &about.components {
             let connected = if component.connected { ", connected to the image" } else { "" };
-            writeln!(
-                text,
-                "  component    {}: {} on {}{connected}",
-                component.name, component.task, component.backbone
-            )?;
+            let (name, task, backbone) = (&component.name, &component.task, &component.backbone);
+            lines.push(format!("  component    {name}: {task} on {backbone}{connected}"));
         }
         for stage in self.graph.stages() {
-            writeln!(text, "  stage        {}", stage_text(stage))?;
+            lines.push(format!("  stage        {}", stage_text(stage)));
             if !stage.state.is_empty() {
-                writeln!(text, "  state        {}", state_text(&stage.state))?;
+                lines.push(format!("  state        {}", state_text(&stage.state)));
             }
         }
         if !about.classes.is_empty() {
-            writeln!(text, "  classes      {}", about.classes.join(", "))?;
+            lines.push(format!("  classes      {}", about.classes.join(", ")));
         }
-        writeln!(text, "  accuracy     {}", accuracy_text(&about.accuracy))?;
-        writeln!(text, "  license      {}", about.license.as_deref().unwrap_or("not stated"))?;
-        writeln!(text, "  self-test    {}", self.selftest)?;
-        Ok(())
+        lines.push(format!("  accuracy     {}", accuracy_text(&about.accuracy)));
+        lines.push(format!("  license      {}", about.license.as_deref().unwrap_or("not stated")));
+        lines.push(format!("  self-test    {}", self.selftest));
+        lines
     }
 
     fn limits_text(&self) -> String {
@@ -159,6 +155,11 @@ impl ModelReport<'_> {
             [min_m, _] => format!(", from {} m", min_m.unwrap_or_default()),
         }
     }
+}
+
+/// Each text as one line.
+fn text_of(lines: &[String]) -> String {
+    lines.iter().map(|line| printable::one_line(line).into_owned() + "\n").collect()
 }
 
 /// The usual metrics, if the recipe wrote them; anything else unchanged.
@@ -220,6 +221,13 @@ fn tensor_json(tensor: &TensorSpec) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_name_cannot_add_a_line() {
+        let lines =
+            ["  classes      floor, a\n  license      MIT".to_owned(), "  self-test    passed".to_owned()];
+        assert_eq!(text_of(&lines), "  classes      floor, a\\n  license      MIT\n  self-test    passed\n");
+    }
 
     #[test]
     fn accuracy_is_shown_beside_that_of_the_mean_image() {

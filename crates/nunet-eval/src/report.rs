@@ -5,7 +5,7 @@ use std::path::Path;
 use nunet_core::pipeline::Pipeline;
 use nunet_engine::ModelName;
 use nunet_files::write_whole;
-use nunet_types::{CONTRACT_VERSION, ScaleSource};
+use nunet_types::{CONTRACT_VERSION, ScaleSource, printable};
 use serde::Serialize;
 
 use crate::baseline::{Baseline, BaselineSource};
@@ -180,11 +180,12 @@ impl Report {
 
     fn header(&self) -> String {
         let Self { model, architecture, dataset, pictures, skipped, protocol, scale_source, .. } = self;
-        format!(
+        let title = format!(
             "{} ({architecture}) on {dataset}: {pictures} images, {skipped} skipped, protocol {protocol}, scale \
-             {scale_source}\n{:<15}{:>9}{:>12}\n",
-            model.name, "", "network", "mean image"
-        )
+             {scale_source}",
+            model.name
+        );
+        format!("{}\n{:<15}{:>9}{:>12}\n", printable::one_line(&title), "", "network", "mean image")
     }
 
     fn depth_lines(&self) -> String {

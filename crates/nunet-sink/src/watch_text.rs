@@ -5,6 +5,7 @@ use nunet_ipc::{
     CameraName, FrameHeader, Message, ObstacleRecord, SectorState, StatsRecord, Units, monotonic_nanos,
     unix_nanos,
 };
+use nunet_types::printable;
 use serde_json::{Map, Value, json};
 
 /// The newest messages beside depth that are read for a terminal.
@@ -88,6 +89,11 @@ pub fn line_of(frame: &Message) -> anyhow::Result<String> {
     ))
 }
 
+/// The model and its provider. Another process chose these names, so they must not control the terminal.
+fn model_of(stats: &StatsRecord) -> String {
+    printable::one_line(&format!("{} on {}", stats.model_name(), stats.provider())).into_owned()
+}
+
 /// Where the scale comes from, its factor, and its age if it was measured.
 fn scale_of(header: &FrameHeader) -> anyhow::Result<String> {
     let mut text = header.scale_source()?.name().to_owned();
@@ -112,13 +118,12 @@ pub fn screen_of(
 ) -> anyhow::Result<String> {
     let header = frame.header();
     let mut text = format!(
-        "camera {camera} · {} on {} · {}x{} · {:.1} frames/s\n\
+        "camera {camera} · {} · {}x{} · {:.1} frames/s\n\
          frame {} · age {} · center {} · scale {} · quality {}\n\
          captured {} = published {} + superseded {} + failed {} + in flight {}\n\
          {}\n\
          {:<14} {:>9} {:>9} {:>9} {:>9}\n",
-        stats.model_name(),
-        stats.provider(),
+        model_of(stats),
         header.width,
         header.height,
         stats.fps,
@@ -209,7 +214,7 @@ fn is_end(state: SectorState) -> bool {
 
 fn row_of(name: &str, micros: [f64; 4]) -> String {
     let cells: String = micros.iter().map(|us| format!(" {:>9.2}", us / 1e3)).collect();
-    format!("{name:<14}{cells}\n")
+    format!("{:<14}{cells}\n", printable::one_line(name))
 }
 
 #[cfg(test)]
@@ -226,6 +231,15 @@ mod tests {
         assert_eq!(stability_of(&stats), "per frame: drift -1.23 % · flicker 0.40 %");
         stats.is_unstable = 1;
         assert!(stability_of(&stats).ends_with("UNSTABLE"));
+    }
+
+    #[test]
+    fn names_in_shared_memory_cannot_control_the_terminal() {
+        let mut stats = StatsRecord::default();
+        stats.set_model_name("a\u{1b}[2J");
+        stats.set_provider("cpu\nb");
+        assert_eq!(model_of(&stats), "a\\u001b[2J on cpu\\nb");
+        assert!(row_of("c\n\u{9b}2J", [0.0; 4]).starts_with("c\\n\\u009b2J  "));
     }
 
     #[test]

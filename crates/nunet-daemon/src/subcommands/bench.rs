@@ -19,6 +19,7 @@ pub(super) mod host;
 mod paper;
 
 use nunet_telemetry::{SERIES_HEAD, Series, peak_rss_mb};
+use nunet_types::printable;
 
 /// Whether each prediction is measured. The first three warm up, in addition to the self-test.
 pub(super) fn predictions(runs: NonZeroU32) -> impl Iterator<Item = bool> {
@@ -176,14 +177,14 @@ impl Subject {
     }
 
     fn text(&self, options: &BenchOptions) -> String {
-        let mut text = format!(
-            "{} ({}), {} predictions, provider {}\n  {}\n",
+        let title = format!(
+            "{} ({}), {} predictions, provider {}",
             self.name,
             self.pipeline.graph().description().architecture,
             options.runs,
-            self.pipeline.graph().provider(),
-            SERIES_HEAD
+            self.pipeline.graph().provider()
         );
+        let mut text = format!("{}\n  {SERIES_HEAD}\n", printable::one_line(&title));
         let stages = self.pipeline.stage_names().iter().map(String::as_str).zip(&self.stages);
         let sums = [("networks", &self.networks), ("end to end", &self.end_to_end)];
         for (name, series) in stages.chain(sums) {

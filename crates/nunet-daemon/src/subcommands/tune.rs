@@ -9,6 +9,7 @@ use nunet_core::graph::Provider;
 use nunet_core::pipeline::PipelineOptions;
 use nunet_engine::{Engine, EngineOptions, find_model};
 use nunet_files::{check_writable, write_whole};
+use nunet_types::printable;
 use serde_json::{Value, json};
 use tracing::warn;
 
@@ -128,7 +129,7 @@ fn best(medians: &[(NonZeroUsize, f64)]) -> Option<usize> {
 }
 
 fn table(combinations: &[Combination], best: &Combination) -> String {
-    let mut text = format!("{}\n  {}\n", best.subject.name, Subject::HEAD);
+    let mut text = format!("{}\n  {}\n", printable::one_line(&best.subject.name), Subject::HEAD);
     for combination in combinations {
         let name = format!("{} {}", combination.provider, combination.threads);
         text += &format!("  {}\n", combination.subject.end_to_end_row(&name));

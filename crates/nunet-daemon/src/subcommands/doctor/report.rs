@@ -1,6 +1,6 @@
 //! The list of checks, as text and as JSON.
 
-use nunet_types::CAUSE_MARK;
+use nunet_types::{CAUSE_MARK, printable};
 use serde::Serialize;
 use serde_json::json;
 
@@ -18,7 +18,11 @@ pub(super) struct Problem {
 
 impl Problem {
     pub(super) fn new(detail: impl Into<String>, hint: impl Into<String>) -> Self {
-        Self { detail: detail.into(), hint: Some(hint.into()) }
+        let (detail, hint): (String, String) = (detail.into(), hint.into());
+        Self {
+            detail: printable::message(&detail).into_owned(),
+            hint: Some(printable::message(&hint).into_owned()),
+        }
     }
 
     /// The problem for an error.
@@ -44,10 +48,13 @@ struct Check {
 pub(super) struct Checks(Vec<Check>);
 
 impl Checks {
-    pub(super) fn add(&mut self, name: impl Into<String>, finding: Finding) {
-        let name = name.into();
+    /// Adds a check. Names in it cannot add a line.
+    pub(super) fn add(&mut self, name: &str, finding: Finding) {
+        let name = printable::one_line(name).into_owned();
         self.0.push(match finding {
-            Ok(detail) => Check { name, ok: true, detail, hint: None },
+            Ok(detail) => {
+                Check { name, ok: true, detail: printable::one_line(&detail).into_owned(), hint: None }
+            }
             Err(Problem { detail, hint }) => Check { name, ok: false, detail, hint },
         });
     }
@@ -73,5 +80,20 @@ impl Checks {
             format!("{mark}  {}: {}{hint}\n", check.name, check.detail)
         };
         self.0.iter().map(line).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_cannot_add_a_check() {
+        let mut checks = Checks::default();
+        checks.add("camera a\nok", Ok("`b`\nok".to_owned()));
+        checks.add("cache", Err(Problem::new("cannot write to `c`\nok  `", "remove `c`\nok  `")));
+        let text = checks.text();
+        assert_eq!(text.lines().count(), 3, "{text}");
+        assert!(text.contains("  camera a\\nok: `b`\\nok\n"), "{text}");
     }
 }
