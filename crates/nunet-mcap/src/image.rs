@@ -186,8 +186,10 @@ impl RecordedImage {
         self.data.extend_from_slice(raw.data.get(..needed as usize).unwrap_or_default());
         let number = encoding.number_bytes();
         if raw.big_endian && number > 1 {
-            // Padding is swapped too; it is never read.
-            self.data.chunks_exact_mut(number).for_each(<[u8]>::reverse);
+            // Row by row: with an odd stride, not every row begins at a multiple of a number's bytes.
+            for row in self.data.chunks_mut(step as usize) {
+                row.chunks_exact_mut(number).for_each(<[u8]>::reverse);
+            }
         }
         Ok(())
     }
@@ -259,6 +261,9 @@ mod tests {
             Raw { width: 2, height: 1, step: 4, encoding: "16UC1", data: &[7, 0xd0, 0, 1], big_endian: true };
         image.set_raw(&raw, Purpose::Depth).unwrap();
         assert_eq!(image.depth_m(), [2.0, 0.001]);
+        let padded = Raw { width: 1, height: 2, step: 3, data: &[7, 0xd0, 9, 0, 1, 9], ..raw };
+        image.set_raw(&padded, Purpose::Depth).unwrap();
+        assert_eq!(image.depth_m(), [2.0, 0.001], "rows of an odd number of bytes");
     }
 
     #[test]
