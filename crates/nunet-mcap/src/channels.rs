@@ -9,6 +9,15 @@ use crate::records::Records;
 use crate::topics::{color_topics, depth_topics, one_transport_each};
 use crate::{RecordingError, camera_topic};
 
+/// The longest name that is kept. Those of ROS have at most 255 bytes; a hostile file can state 65,536 names that fill a
+/// record each, which compress to almost nothing.
+const MAX_NAME_BYTES: usize = 1024;
+
+/// The beginning of a name, which is the whole name in every file that is not hostile.
+fn kept(name: &str) -> &str {
+    &name[..name.floor_char_boundary(MAX_NAME_BYTES)]
+}
+
 /// The known channels of one file.
 #[derive(Debug, Default, Clone)]
 pub(crate) struct Channels {
@@ -57,11 +66,11 @@ impl Channels {
     pub(crate) fn learn(&mut self, record: &Record<'_>) {
         match record {
             Record::Schema { id, name } => {
-                self.schemas.insert(*id, (*name).to_owned());
+                self.schemas.insert(*id, kept(name).to_owned());
             }
             Record::Channel { id, schema_id, topic, encoding } => {
                 let schema = self.schemas.get(schema_id).cloned().unwrap_or_default();
-                self.by_id.insert(*id, Channel::new(topic, schema, encoding));
+                self.by_id.insert(*id, Channel::new(kept(topic), schema, kept(encoding)));
             }
             Record::Statistics { counts, start_nanos } => {
                 self.counts.clone_from(counts);
@@ -243,6 +252,16 @@ mod tests {
         let channels =
             all.iter().map(|(topic, schema, encoding)| Channel::new(topic, (*schema).to_owned(), encoding));
         RecordingTopics { channels: channels.collect(), ..RecordingTopics::default() }
+    }
+
+    #[test]
+    fn of_a_name_that_fills_a_record_little_is_kept() {
+        let long = "ß".repeat(1 << 20);
+        let mut channels = Channels::default();
+        channels.learn(&Record::Schema { id: 1, name: &long });
+        channels.learn(&Record::Channel { id: 2, schema_id: 1, topic: &long, encoding: &long });
+        assert_eq!(channels.schemas[&1].len(), MAX_NAME_BYTES);
+        assert_eq!(channels.get(2).unwrap().topic.len(), MAX_NAME_BYTES);
     }
 
     const IMAGE: &str = "sensor_msgs/msg/Image";
