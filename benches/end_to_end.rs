@@ -52,8 +52,8 @@ impl Bench {
         let ImageSize { width, height } = self.pipeline.size();
         let view = ImageView::packed(&self.image, width, height, PixelFormat::Rgb8).expect("a whole image");
         let mut loan = self.publisher.loan(Topic::Depth).expect("a free chunk");
-        let outputs =
-            Outputs { depth_m: loan.slice_mut().expect("planned as floats"), labels: None, cloud: None };
+        let depth_m = loan.slice_mut().expect("planned as floats");
+        let outputs = Outputs { depth_m, labels: None, confidence: None, cloud: None };
         self.pipeline.process(&view, outputs, &MonotonicClock).expect("a frame");
         let header = loan.header_mut();
         header.set_encoding(Encoding::DepthF32);
@@ -80,7 +80,7 @@ fn end_to_end(criterion: &mut Criterion) {
         let mut group = criterion.benchmark_group("network");
         group.bench_function(BenchmarkId::new(name, &size), |bencher| {
             bencher.iter(|| {
-                let outputs = GraphOutputs { depth: &mut depth, labels: None };
+                let outputs = GraphOutputs { depth: &mut depth, labels: None, confidence: None };
                 graph.run(GraphInput::Rgb(&bench.image), outputs, clock).expect("a run")
             });
         });

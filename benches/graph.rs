@@ -38,7 +38,8 @@ fn graph(criterion: &mut Criterion) {
         let mut labels = graph.has_labels().then(|| vec![0; rgb.len() / 3]);
         group.bench_function(format!("{case}/{width}x{height}"), |bencher| {
             bencher.iter(|| {
-                let outputs = GraphOutputs { depth: &mut depth, labels: labels.as_deref_mut() };
+                let outputs =
+                    GraphOutputs { depth: &mut depth, labels: labels.as_deref_mut(), confidence: None };
                 graph.run(GraphInput::Rgb(black_box(&rgb)), outputs, &|| 0).expect("a run")
             });
         });

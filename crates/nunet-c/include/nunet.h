@@ -242,7 +242,7 @@ typedef struct nunet_header_t {
   uint8_t model_hash[32];
   /** Microseconds that each stage took for this frame. */
   uint32_t stage_micros[NUNET_MAX_STAGES];
-  /** Bytes copied between the camera's memory and the network's input for this frame. */
+  /** Bytes copied for this frame: for the network's input, for reused labels, and for resized results. */
   uint64_t bytes_copied;
   /** Pixels of the depth map without a depth, after the filters: those that are NaN. */
   uint64_t invalid_pixels;
@@ -286,7 +286,7 @@ typedef struct nunet_stats_t {
   uint64_t in_flight;
   /** Published frames a second, since the first one. */
   double fps;
-  /** Mean bytes copied between the camera's memory and the network's input, a frame. */
+  /** Mean bytes copied, a frame. */
   double bytes_copied_per_frame;
   /** Mean heap allocations of our crates, a frame; NaN when they are not counted. */
   double allocations_per_frame;

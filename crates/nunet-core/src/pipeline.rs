@@ -10,7 +10,7 @@ use crate::cloud::cloud_size;
 use crate::depth::{Scale, Units};
 use crate::filter::{self, Appearance, Decimation, DecimationOptions, FilterChain, FilterOptions};
 use crate::frame::ImageView;
-use crate::graph::{GraphError, GraphOutputs, GraphReport, SerialGraph, StageTimes};
+use crate::graph::{GraphReport, SerialGraph, StageTimes};
 use crate::obstacle::Mount;
 use crate::scale::ScaleMode;
 use crate::stability::StabilityGauge;
@@ -58,7 +58,8 @@ use timer::StageTimer;
 /// let (mut depth_m, mut labels) = (vec![0.0; pixels], vec![0; pixels]);
 /// let bytes = vec![0; 640 * 480 * 3];
 /// let frame = ImageView::packed(&bytes, 640, 480, PixelFormat::Rgb8)?;
-/// let outputs = Outputs { depth_m: &mut depth_m, labels: Some(&mut labels), cloud: None };
+/// let outputs =
+///     Outputs { depth_m: &mut depth_m, labels: Some(&mut labels), confidence: None, cloud: None };
 /// let report = pipeline.process(&frame, outputs, &clock)?;
 /// println!("{} of {pixels} pixels without depth", report.invalid_pixels);
 /// # Ok(())
@@ -179,10 +180,11 @@ impl Pipeline {
     }
 
     /// The confidence of the last frame's depth, `[H, W]` at [`Pipeline::size`]: 255 = certain, 0 where depth is invalid or
-    /// was filled in by a filter. `None` if the network has no confidence.
+    /// was filled in by a filter. `None` if the network has no confidence, or it was written into the caller's memory
+    /// ([`Outputs::confidence`]).
     #[must_use]
     pub fn confidence(&self) -> Option<&[u8]> {
-        self.confidence.values()
+        self.confidence.values(&self.network)
     }
 
     /// Pixels of the network along each side of a pixel of the depth map: 1 without decimation.
@@ -246,7 +248,7 @@ impl Pipeline {
         self.decoder.forget_floor();
     }
 
-    /// Computes depth, labels and cloud of one frame. A recurrent network treats it as the successor of the
+    /// Computes depth, labels, confidence and cloud of one frame. A recurrent network treats it as the successor of the
     /// last frame, unless [`Self::reset`] was called; a frame that fails in the network does not change the
     /// state.
     ///
@@ -257,30 +259,21 @@ impl Pipeline {
     pub fn process(
         &mut self,
         frame: &ImageView<'_>,
-        outputs: Outputs<'_>,
+        mut outputs: Outputs<'_>,
         clock: &dyn Clock,
     ) -> Result<FrameReport, PipelineError> {
-        let Outputs { depth_m, mut labels, cloud } = outputs;
-        if labels.is_some() && !self.network.graph.has_labels() {
-            return Err(GraphError::NoLabels.into());
-        }
+        self.network.check_requested(&outputs)?;
         self.fit_to(frame.size())?;
         let size = self.size();
         let mut timer = StageTimer::new(clock);
-        // With decimation, the network's results are kept in internal buffers.
-        let (network_depth, mut network_labels) = match &mut self.decimation {
-            None => (&mut *depth_m, labels.as_deref_mut()),
-            Some(decimation) => (decimation.network_depth(), None),
-        };
-        let results = GraphOutputs { depth: network_depth, labels: network_labels.as_deref_mut() };
-        let (run, bytes_copied) = self.network.run(frame, results, clock, &mut timer)?;
+        let mut results = outputs.of_network(self.decimation.as_mut());
+        let (run, mut bytes_copied) = self.network.run(frame, results.reborrow(), clock, &mut timer)?;
         let decoded = timer.time(|| {
-            self.network.take_results(network_depth, network_labels.as_deref_mut());
-            let labels = network_labels.as_deref().or(self.network.appearance(frame).labels);
-            self.confidence.take(self.network.confidence());
-            self.decoder.decode(network_depth, labels, &mut self.confidence)
+            bytes_copied += self.network.take_results(results.reborrow());
+            self.decoder.decode(&mut self.network, frame, results)
         });
 
+        let Outputs { depth_m, labels, confidence, cloud } = outputs;
         let full = self.network.appearance(frame);
         let appearance = match &mut self.decimation {
             None => Appearance { labels: labels.as_deref().or(full.labels), ..full },
@@ -292,7 +285,7 @@ impl Pipeline {
         let stability = self.stability.update((full.rgb, self.network.graph.size()), (depth_m, size));
         let max_range_m = self.decoder.max_range_m();
         timer.time(|| self.lens.fill_cloud(depth_m, &appearance, max_range_m, cloud))?;
-        self.confidence.finish(self.decimation.as_ref(), depth_m);
+        self.confidence.finish(&mut self.network, self.decimation.as_ref(), confidence, depth_m)?;
 
         let report = self.report(timer.finish(), run, bytes_copied, invalid_pixels);
         Ok(FrameReport { stability, ..report })
@@ -313,7 +306,7 @@ impl Pipeline {
             scale_source: scale.source,
             scale_factor: if scale.units == Units::Metre { scale.factor } else { 0.0 },
             scale_age_nanos: scale.age_nanos,
-            bytes_copied: bytes_copied + run.bytes_copied + self.confidence.bytes_copied(),
+            bytes_copied: bytes_copied + run.bytes_copied,
             invalid_pixels,
             stability: None,
             camera: self.lens.known,

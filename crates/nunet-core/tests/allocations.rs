@@ -26,6 +26,7 @@ struct Buffers {
     image: Vec<u8>,
     depth_m: Vec<f32>,
     labels: Vec<u8>,
+    confidence: Vec<u8>,
     cloud: Vec<CloudPoint>,
 }
 
@@ -36,6 +37,7 @@ impl Buffers {
             image: (0..image_bytes).map(|i| (i * 31 % 251) as u8).collect(),
             depth_m: vec![0.0; pixels],
             labels: vec![0; pixels],
+            confidence: vec![0; pixels],
             cloud: vec![CloudPoint::NONE; pixels],
         }
     }
@@ -64,7 +66,7 @@ fn steady_allocations(pipeline: &mut Pipeline, size: ImageSize, format: PixelFor
     let bytes = format.byte_len(size.width, size.height, format.min_stride(size.width));
     let mut buffers: Vec<Buffers> = (0..4).map(|_| Buffers::new(bytes, pipeline.size())).collect();
     let clock = || 0;
-    let labels = pipeline.graph().has_labels();
+    let (labels, confidence) = (pipeline.graph().has_labels(), pipeline.graph().has_confidence());
     let mut frames = |count: usize| {
         for i in 0..count {
             // Images and results do not change in step: 4 of each, in 16 pairs.
@@ -74,6 +76,8 @@ fn steady_allocations(pipeline: &mut Pipeline, size: ImageSize, format: PixelFor
             let outputs = Outputs {
                 depth_m: &mut memory.depth_m,
                 labels: labels.then_some(&mut memory.labels[..]),
+                // In some frames it stays inside.
+                confidence: (confidence && i % 3 > 0).then_some(&mut memory.confidence[..]),
                 cloud: Some(&mut memory.cloud),
             };
             pipeline.process(&frame, outputs, &clock).unwrap();
@@ -118,7 +122,7 @@ fn a_steady_frame_allocates_nothing() {
 fn a_padded_frame_allocates_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("m.onnx");
-    models::wnet(SIZE, true).write(&path);
+    models::with_confidence(models::wnet(SIZE, true), SIZE).write(&path);
     let runtime = Runtime::load(&nunet_testkit::runtime_library()).unwrap();
     let graph = SerialGraph::load(&path, &runtime, &GraphOptions::default()).unwrap();
     let options = PipelineOptions { aspect: AspectMode::Letterbox, ..Default::default() };
@@ -142,9 +146,10 @@ fn state_is_kept_and_reset_without_allocation() {
 fn filters_and_their_reset_allocate_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("wnet.onnx");
-    models::wnet(SIZE, true).write(&path);
+    models::with_confidence(models::wnet(SIZE, true), SIZE).write(&path);
     for texts in [
-        &["decimation=3", "spatial=fill:2", "temporal", "holes"][..],
+        &[][..],
+        &["decimation=3", "spatial=fill:2", "temporal", "holes"],
         &["spatial", "temporal", "holes=nearest"],
         &["decimation=8"],
     ] {

@@ -22,7 +22,7 @@ fn expected(bench: &Bench) -> Vec<u8> {
 }
 
 #[test]
-fn readers_receive_it_beside_depth() {
+fn readers_receive_it_beside_depth_and_nothing_is_copied() {
     let bench = bench();
     let (model, images, name) = (bench.arg("sure.onnx"), bench.arg("images"), camera("sure"));
     let stream = ["-q", "--model", &model, "--source", &images, "--loop", "--rate", "20", "--camera", &name];
@@ -42,6 +42,7 @@ fn readers_receive_it_beside_depth() {
     let header = frame.header();
     assert_eq!(header.encoding().unwrap(), Encoding::ConfidenceU8);
     assert_eq!((header.width, header.height, header.row_stride_bytes), (SIZE.0, SIZE.1, SIZE.0));
+    assert_eq!(header.bytes_copied, 0);
     assert_eq!(header.sequence, set.get(Topic::Depth).unwrap().header().sequence);
 }
 

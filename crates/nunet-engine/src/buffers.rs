@@ -24,9 +24,14 @@ impl Buffers {
         }
     }
 
-    /// The buffers, to be filled.
+    /// The buffers, to be filled. The confidence stays in the pipeline.
     pub fn outputs(&mut self) -> Outputs<'_> {
-        Outputs { depth_m: &mut self.depth, labels: self.labels.as_deref_mut(), cloud: Some(&mut self.cloud) }
+        Outputs {
+            depth_m: &mut self.depth,
+            labels: self.labels.as_deref_mut(),
+            confidence: None,
+            cloud: Some(&mut self.cloud),
+        }
     }
 
     /// `[H, W]`, of the last frame.

@@ -217,18 +217,19 @@ impl Model {
         self.runs += 1;
         let pixels = self.pipeline.size().pixel_count();
         let mut depth = self.pools.depth.take(pixels);
-        let mut labels = self.pipeline.graph().has_labels().then(|| self.pools.labels.take(pixels));
+        let graph = self.pipeline.graph();
+        let mut labels = graph.has_labels().then(|| self.pools.labels.take(pixels));
+        let mut confidence = graph.has_confidence().then(|| self.pools.confidence.take(pixels));
         // Colors must match depth pixel by pixel, and decimation reduces them only for a cloud.
         let mut points =
             (self.pipeline.decimation() > NonZeroU32::MIN).then(|| vec![CloudPoint::NONE; pixels]);
-        let cloud = points.as_deref_mut();
-        let outputs = Outputs { depth_m: &mut depth, labels: labels.as_deref_mut(), cloud };
+        let outputs = Outputs {
+            depth_m: &mut depth,
+            labels: labels.as_deref_mut(),
+            confidence: confidence.as_deref_mut(),
+            cloud: points.as_deref_mut(),
+        };
         let report = self.pipeline.process(image, outputs, &MonotonicClock)?;
-        let confidence = self.pipeline.confidence().map(|values| {
-            let mut confidence = self.pools.confidence.take(pixels);
-            confidence.copy_from_slice(values);
-            confidence
-        });
         let rgb = self.colors(image, points.as_deref(), pixels);
         let points_camera = *self.pipeline.points_camera();
         let total_nanos = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);

@@ -219,7 +219,7 @@ impl Evaluation {
             self.pipeline.set_mount(mounts.of(id)?);
         }
         let labels = (!self.labels.is_empty()).then_some(&mut self.labels[..]);
-        let outputs = Outputs { depth_m: &mut self.depth, labels, cloud: None };
+        let outputs = Outputs { depth_m: &mut self.depth, labels, confidence: None, cloud: None };
         self.pipeline.process(&self.frame.view()?, outputs, &|| 0)?;
         truth.blank_outside(self.pipeline.framing().view());
         let fit = Fit::new(&self.pipeline);

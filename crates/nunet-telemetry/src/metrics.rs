@@ -104,7 +104,7 @@ impl Families {
         registry.register("frames_in_flight", "Frames that are not finished", families.in_flight.clone());
         let help = "Published frames per second since the start";
         registry.register("frames_per_second", help, families.fps.clone());
-        let help = "Mean bytes per frame copied between camera memory and network input";
+        let help = "Mean bytes copied per frame";
         registry.register("bytes_copied_per_frame", help, families.bytes_copied.clone());
         let help = "Frames for which no attitude of the robot was found, although it is read";
         registry.register("frames_without_attitude", help, families.without_attitude.clone());

@@ -120,11 +120,17 @@ impl Decimation {
         self.size
     }
 
-    /// Decimates bytes at the network's size: the mean of each block, rounded.
-    pub fn mean_of_blocks(&self, large: &[u8], small: &mut [u8]) {
+    /// Decimates a confidence at the network's size: the mean of each block, rounded.
+    ///
+    /// # Errors
+    /// Buffers of another size.
+    pub fn mean_of_blocks(&self, large: &[u8], small: &mut [u8]) -> Result<(), FilterError> {
+        check_size(Self::NAME, "network's confidence", large.len(), self.network_size.pixel_count())?;
+        check_size(Self::NAME, "confidence", small.len(), self.size.pixel_count())?;
         let width = self.network_size.width as usize;
         let blocks = Blocks { factor: self.factor, width, columns: self.size.width as usize };
         blocks.fill(small, large, |block| mean_byte(block));
+        Ok(())
     }
 
     /// Decimates the depth in [`Self::network_depth`] into `depth_m`, and the labels of `full`, at the network's size, into

@@ -136,7 +136,7 @@ pub enum GraphError {
     /// A caller's buffer of another length than the tensor.
     #[error("the buffer for `{tensor}` has {got} elements, expected {expected}")]
     Buffer {
-        /// `image`, `depth` or `labels`.
+        /// `image`, `depth`, `labels` or `confidence`.
         tensor: &'static str,
         /// Elements given.
         got: usize,
@@ -146,7 +146,7 @@ pub enum GraphError {
     /// A caller's buffer of another element type than the tensor.
     #[error("the buffer for `{tensor}` is {got}, expected {expected}")]
     ElementType {
-        /// `image`, `depth` or `labels`.
+        /// `image`, `depth`, `labels` or `confidence`.
         tensor: &'static str,
         /// Given.
         got: ElementType,
@@ -174,6 +174,9 @@ pub enum GraphError {
     /// Labels were requested of a graph without labels.
     #[error("the graph has no labels")]
     NoLabels,
+    /// The confidence was requested of a graph without one.
+    #[error("the graph has no confidence")]
+    NoConfidence,
     /// A run that failed.
     #[error("stage `{stage}` failed: {reason}")]
     Run {
@@ -191,7 +194,9 @@ impl GraphError {
         match self {
             Self::Wiring { .. } | Self::UnknownStage { .. } | Self::EveryTwice { .. } => ErrorKind::Wiring,
             Self::Provider { .. } => ErrorKind::Runtime,
-            Self::Buffer { .. } | Self::ElementType { .. } | Self::NoLabels => ErrorKind::Buffer,
+            Self::Buffer { .. } | Self::ElementType { .. } | Self::NoLabels | Self::NoConfidence => {
+                ErrorKind::Buffer
+            }
             Self::Run { .. } | Self::Tensor { .. } => ErrorKind::Inference,
             _ => ErrorKind::Model,
         }

@@ -71,6 +71,20 @@ pub struct GraphOutputs<'a> {
     pub depth: &'a mut [f32],
     /// `[H, W]`, `u8`, class indices; `None` if they are not wanted.
     pub labels: Option<&'a mut [u8]>,
+    /// `[H, W]`, `u8`, confidence of depth, 255 = certain; `None` keeps it in the graph's own memory
+    /// ([`crate::graph::SerialGraph::confidence`]).
+    pub confidence: Option<&'a mut [u8]>,
+}
+
+impl GraphOutputs<'_> {
+    /// The same memory, borrowed for a shorter time.
+    pub(crate) fn reborrow(&mut self) -> GraphOutputs<'_> {
+        GraphOutputs {
+            depth: &mut *self.depth,
+            labels: self.labels.as_deref_mut(),
+            confidence: self.confidence.as_deref_mut(),
+        }
+    }
 }
 
 /// The report of one run.

@@ -13,6 +13,7 @@ pub(super) struct RunTensors<'run> {
     /// `None` if depth is kept in the graph's own memory.
     pub(super) depth: Option<Lent<'run>>,
     pub(super) labels: Option<Lent<'run>>,
+    pub(super) confidence: Option<Lent<'run>>,
     pub(super) own: LentTensors<'run>,
     pub(super) state: &'run GraphState,
     pub(super) run: u64,
@@ -33,11 +34,13 @@ impl RunTensors<'_> {
     }
 
     fn tensor(&self, index: usize) -> Lent<'_> {
-        match (self.labels, self.depth) {
-            (Some(labels), _) if Some(index) == self.plan.labels => labels,
-            (_, Some(depth)) if index == self.plan.depth => depth,
-            _ => self.own.get(self.state.buffer_in_run(index, self.run)),
-        }
+        let results = [
+            (Some(self.plan.depth), self.depth),
+            (self.plan.labels, self.labels),
+            (self.plan.confidence, self.confidence),
+        ];
+        let lent = results.into_iter().find(|(result, _)| *result == Some(index)).and_then(|(_, lent)| lent);
+        lent.unwrap_or_else(|| self.own.get(self.state.buffer_in_run(index, self.run)))
     }
 }
 
@@ -61,14 +64,15 @@ pub(super) fn lend_image<'run>(
     }
 }
 
-/// Lends memory for labels to a run, if the caller requested them.
-pub(super) fn lend_labels<'run>(
+/// Lends memory for labels or confidence to a run, if the caller requested them; `missing` if the graph has none.
+pub(super) fn lend_map<'run>(
     tensor: Option<&'run mut CallerTensor>,
     memory: Option<&'run mut [u8]>,
+    missing: GraphError,
 ) -> Result<Option<Lent<'run>>, GraphError> {
     match (memory, tensor) {
         (Some(memory), Some(tensor)) => tensor.lend_mut(memory).map(Some),
-        (Some(_), None) => Err(GraphError::NoLabels),
+        (Some(_), None) => Err(missing),
         (None, _) => Ok(None),
     }
 }

@@ -11,7 +11,7 @@ use crate::graph::depth_resize::DepthResize;
 use crate::graph::io::{GraphInput, GraphOptions, GraphOutputs, GraphReport, StageInfo, TensorView};
 use crate::graph::load::{Loaded, load};
 use crate::graph::onnx::{CallerTensor, OwnTensors, Session};
-use crate::graph::run_tensors::{RunTensors, copy_out, lend_image, lend_labels};
+use crate::graph::run_tensors::{RunTensors, copy_out, lend_image, lend_map};
 use crate::graph::state::GraphState;
 use crate::graph::wiring::{Wired, WiredExtra, WiredStage, is_due};
 use crate::graph::{GraphError, Provider, Runtime, TensorSpec};
@@ -31,12 +31,15 @@ pub struct SerialGraph {
     /// Resizes depth of another size than the image, which is kept in the graph's own memory.
     depth_resize: Option<DepthResize>,
     labels: Option<CallerTensor>,
+    confidence: Option<CallerTensor>,
     own: OwnTensors,
     state: GraphState,
     /// Runs since the last reset; `every` counts in it.
     runs: u64,
     /// Whether the labels of the last run were written into the caller's memory.
     labels_left: bool,
+    /// Whether its confidence was.
+    confidence_left: bool,
 }
 
 impl SerialGraph {
@@ -98,11 +101,13 @@ impl SerialGraph {
             depth: CallerTensor::new("depth", depth_spec),
             depth_resize: is_resized.then(|| DepthResize::new(plan.depth_size, plan.size)),
             labels: plan.labels.map(|index| CallerTensor::new("labels", spec(index))),
+            confidence: plan.confidence.map(|index| CallerTensor::new("confidence", spec(index))),
             own: OwnTensors::new(&GraphState::with_buffers(&plan))?,
             state: GraphState::new(&plan),
             plan,
             runs: 0,
             labels_left: false,
+            confidence_left: false,
         };
         graph.feed_extra_inputs(None);
         Ok(graph)
@@ -221,16 +226,17 @@ impl SerialGraph {
         outputs: GraphOutputs<'_>,
         clock: &dyn Clock,
     ) -> Result<GraphReport, GraphError> {
-        let GraphOutputs { depth, labels } = outputs;
+        let GraphOutputs { depth, labels, confidence } = outputs;
         let (labels, kept_labels) = if self.keeps_labels() { (None, labels) } else { (labels, None) };
-        self.labels_left = labels.is_some();
+        (self.labels_left, self.confidence_left) = (labels.is_some(), confidence.is_some());
         // Depth that is resized stays inside; lending it checks its length.
         let lent_depth = self.depth.lend_mut(&mut *depth)?;
         let tensors = RunTensors {
             plan: &self.plan,
             image: lend_image(&mut self.image, image)?,
             depth: self.depth_resize.is_none().then_some(lent_depth),
-            labels: lend_labels(self.labels.as_mut(), labels)?,
+            labels: lend_map(self.labels.as_mut(), labels, GraphError::NoLabels)?,
+            confidence: lend_map(self.confidence.as_mut(), confidence, GraphError::NoConfidence)?,
             own: self.own.lend(),
             state: &self.state,
             run,
@@ -283,11 +289,22 @@ impl SerialGraph {
         Some(self.own.bytes(index))
     }
 
-    /// The confidence of the last run's depth, `[H, W]`: 255 = certain.
+    /// The confidence of the last run's depth, `[H, W]`: 255 = certain, if it was not written into the caller's memory. In a
+    /// pipeline it is adapted to the decoded depth, in place.
     #[must_use]
     pub fn confidence(&self) -> Option<&[u8]> {
-        let index = self.plan.confidence.filter(|_| self.runs > 0)?;
-        Some(self.own.bytes(index))
+        Some(self.own.bytes(self.own_confidence()?))
+    }
+
+    /// The same, to be adapted.
+    pub(crate) fn confidence_mut(&mut self) -> Option<&mut [u8]> {
+        let index = self.own_confidence()?;
+        Some(self.own.bytes_mut(index))
+    }
+
+    /// The index of the last run's confidence, if it is in the graph's own memory.
+    fn own_confidence(&self) -> Option<usize> {
+        self.plan.confidence.filter(|_| self.runs > 0 && !self.confidence_left)
     }
 
     /// An output of any stage after the last run, by `stage.tensor`; the only stage of a fused file is `network`.
@@ -297,7 +314,8 @@ impl SerialGraph {
     pub fn tensor(&self, name: &str) -> Option<TensorView<'_>> {
         let index = self.plan.tensors.iter().position(|spec| spec.name == name)?;
         let is_outside = (index == self.plan.depth && self.depth_resize.is_none())
-            || (self.labels_left && Some(index) == self.plan.labels);
+            || (self.labels_left && Some(index) == self.plan.labels)
+            || (self.confidence_left && Some(index) == self.plan.confidence);
         if is_outside || self.runs == 0 {
             return None;
         }

@@ -1,65 +1,58 @@
 //! The confidence of depth, at the size of the results.
 
-use crate::depth::BorderFill;
-use crate::filter::Decimation;
+use super::network::Network;
+use crate::filter::{Decimation, FilterError};
 use crate::graph::SerialGraph;
 
-/// The confidence of the last frame's depth; 0 where depth is invalid or was filled in by a filter. Nothing is done for a
-/// network without one.
+/// Where the confidence of the last frame is; 0 where depth is invalid or was filled in by a filter.
+///
+/// It is adapted in the memory that the network wrote, the caller's or its own. Only decimation makes another map.
 pub(super) struct ConfidenceMap {
-    /// `[H, W]` at the network's size; empty if the network has no confidence.
-    network: Vec<u8>,
-    /// `[H, W]` at the size of the results; empty without decimation.
+    /// `[H, W]` at the size of the results; empty without decimation, and for a network without confidence.
     reduced: Vec<u8>,
+    /// Whether the last one was written into the caller's memory.
+    is_left: bool,
 }
 
 impl ConfidenceMap {
     pub(super) fn new(graph: &SerialGraph, decimation: Option<&Decimation>) -> Self {
-        let bytes = |pixels| vec![0; if graph.has_confidence() { pixels } else { 0 }];
-        let reduced = decimation.map_or(0, |decimation| decimation.size().pixel_count());
-        Self { network: bytes(graph.size().pixel_count()), reduced: bytes(reduced) }
+        let decimation = decimation.filter(|_| graph.has_confidence());
+        let pixels = decimation.map_or(0, |decimation| decimation.size().pixel_count());
+        Self { reduced: vec![0; pixels], is_left: false }
     }
 
-    /// Takes what the network gave for a frame, if it has a confidence.
-    pub(super) fn take(&mut self, network: Option<&[u8]>) {
-        if let Some(values) = network {
-            self.network.copy_from_slice(values);
-        }
-    }
-
-    /// Bytes that are copied for each frame.
-    pub(super) fn bytes_copied(&self) -> u64 {
-        self.network.len() as u64
-    }
-
-    /// Adapts it to decoded depth at the network's size. At the border it is that of the pixels whose depth is taken.
-    pub(super) fn of_decoded(&mut self, border: Option<BorderFill>, depth: &[f32]) -> Option<&[u8]> {
-        if let Some(border) = border {
-            border.apply(&mut self.network);
-        }
-        blank(&mut self.network, depth);
-        (!self.network.is_empty()).then_some(&self.network)
-    }
-
-    /// Adapts it to depth after the filters. With decimation, it is the mean of each block.
-    pub(super) fn finish(&mut self, decimation: Option<&Decimation>, depth: &[f32]) {
-        match decimation.filter(|_| !self.reduced.is_empty()) {
-            None => blank(&mut self.network, depth),
-            Some(decimation) => {
-                decimation.mean_of_blocks(&self.network, &mut self.reduced);
-                blank(&mut self.reduced, depth);
+    /// Adapts the confidence in `memory`, else the one that `network` kept, to depth after the filters. With decimation, it
+    /// is the mean of each block.
+    pub(super) fn finish(
+        &mut self,
+        network: &mut Network,
+        decimation: Option<&Decimation>,
+        memory: Option<&mut [u8]>,
+        depth: &[f32],
+    ) -> Result<(), FilterError> {
+        self.is_left = memory.is_some();
+        let Some(decimation) = decimation else {
+            if let Some(values) = memory.or(network.confidence_mut()) {
+                blank(values, depth);
             }
-        }
+            return Ok(());
+        };
+        let Some(of_network) = network.confidence() else { return Ok(()) };
+        let values = memory.unwrap_or(&mut self.reduced);
+        decimation.mean_of_blocks(of_network, values)?;
+        blank(values, depth);
+        Ok(())
     }
 
-    /// `[H, W]` at the size of the results; `None` if the network has no confidence.
-    pub(super) fn values(&self) -> Option<&[u8]> {
-        let values = if self.reduced.is_empty() { &self.network } else { &self.reduced };
-        (!values.is_empty()).then_some(values)
+    /// `[H, W]` at the size of the results; `None` if the network has none, or it was written into the caller's memory.
+    pub(super) fn values<'a>(&'a self, network: &'a Network) -> Option<&'a [u8]> {
+        let of_network = network.confidence().filter(|_| !self.is_left)?;
+        Some(if self.reduced.is_empty() { of_network } else { &self.reduced })
     }
 }
 
-fn blank(values: &mut [u8], depth: &[f32]) {
+/// Writes 0 where depth is invalid.
+pub(super) fn blank(values: &mut [u8], depth: &[f32]) {
     for (value, depth) in values.iter_mut().zip(depth) {
         if depth.is_nan() {
             *value = 0;

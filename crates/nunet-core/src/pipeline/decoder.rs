@@ -1,9 +1,12 @@
 //! Decodes network outputs to depth.
 
-use super::{ConfidenceMap, FloorScale, Lens, PipelineError, PipelineOptions};
+use super::confidence::blank;
+use super::network::Network;
+use super::{FloorScale, Lens, PipelineError, PipelineOptions};
 use crate::camera::check_scale_factor;
 use crate::depth::{BorderFill, DepthEncoding, DepthRange, OutputScale, Scale, ScaleSource};
-use crate::graph::SerialGraph;
+use crate::frame::ImageView;
+use crate::graph::{GraphOutputs, SerialGraph};
 use crate::scale::{ScaleError, ScaleMode};
 
 /// Decodes a network's output, for one camera.
@@ -51,23 +54,37 @@ impl Decoder {
         self.max_range_m.unwrap_or_else(of_model)
     }
 
-    /// Decodes to depth, in place, and applies the correction by the floor, for which labels and confidence are used.
-    /// Returns the number of invalid pixels.
+    /// Decodes to depth, in place, adapts the confidence to it, and applies the correction by the floor, for which labels and
+    /// confidence are used. Those that are not in `results` are those that `network` kept. Returns the number of invalid
+    /// pixels.
     pub(super) fn decode(
         &mut self,
-        depth: &mut [f32],
-        labels: Option<&[u8]>,
-        confidence: &mut ConfidenceMap,
+        network: &mut Network,
+        frame: &ImageView<'_>,
+        results: GraphOutputs<'_>,
     ) -> u32 {
+        let GraphOutputs { depth, labels, mut confidence } = results;
         if let Some(border) = self.border {
             border.apply(depth);
         }
         let invalid = self.encoding.decode(depth, self.output, self.range, self.own_scale.factor);
-        let confidence = confidence.of_decoded(self.border, depth);
+        if let Some(values) = confidence.as_deref_mut().or(network.confidence_mut()) {
+            self.adapt_confidence(values, depth);
+        }
         if let Some(floor) = &mut self.floor {
+            let labels = labels.as_deref().or(network.appearance(frame).labels);
+            let confidence = confidence.as_deref().or(network.confidence());
             self.scale = floor.correct(depth, (labels, confidence), self.own_scale);
         }
         invalid
+    }
+
+    /// Adapts the confidence to decoded depth. At the border it is that of the pixels whose depth is taken.
+    fn adapt_confidence(&self, values: &mut [u8], depth: &[f32]) {
+        if let Some(border) = self.border {
+            border.apply(values);
+        }
+        blank(values, depth);
     }
 
     /// Discards the measurements of the floor.

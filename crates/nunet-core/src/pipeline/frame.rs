@@ -5,7 +5,8 @@ use nunet_types::PixelRect;
 use crate::camera::Camera;
 use crate::cloud::CloudPoint;
 use crate::depth::{Scale, ScaleSource, Units};
-use crate::graph::{Quality, StageTimes};
+use crate::filter::Decimation;
+use crate::graph::{GraphOutputs, Quality, StageTimes};
 use crate::stability::StabilityChange;
 
 /// Buffers of the caller for the results of a frame.
@@ -15,8 +16,27 @@ pub struct Outputs<'a> {
     pub depth_m: &'a mut [f32],
     /// `[H, W]`: class indices; `None` if they are not needed.
     pub labels: Option<&'a mut [u8]>,
+    /// `[H, W]`: confidence of depth, 255 = certain, 0 where depth is invalid or was filled in by a filter. Without memory of
+    /// the caller it stays inside ([`super::Pipeline::confidence`]).
+    pub confidence: Option<&'a mut [u8]>,
     /// [`super::Pipeline::cloud_size`] points; `None` if they are not needed.
     pub cloud: Option<&'a mut [CloudPoint]>,
+}
+
+impl Outputs<'_> {
+    /// The memory into which the network writes. With decimation it is inside.
+    pub(super) fn of_network<'a>(&'a mut self, decimation: Option<&'a mut Decimation>) -> GraphOutputs<'a> {
+        match decimation {
+            None => GraphOutputs {
+                depth: &mut *self.depth_m,
+                labels: self.labels.as_deref_mut(),
+                confidence: self.confidence.as_deref_mut(),
+            },
+            Some(decimation) => {
+                GraphOutputs { depth: decimation.network_depth(), labels: None, confidence: None }
+            }
+        }
+    }
 }
 
 /// The report of a processed frame.
@@ -34,7 +54,9 @@ pub struct FrameReport {
     pub scale_factor: f32,
     /// Nanoseconds since the factor was measured; 0 for one that does not change.
     pub scale_age_nanos: i64,
-    /// Bytes written to move existing data; 0 if the camera's images have the network's size and format.
+    /// Bytes copied or resized: the network's input, labels of a stage that does not run for each frame, depth of another
+    /// size than the network's image, and results taken out of padding. 0 if the camera's images have the network's size
+    /// and format and every stage runs for each frame.
     pub bytes_copied: u64,
     /// Pixels of the depth map that are NaN, after the filters.
     pub invalid_pixels: u32,

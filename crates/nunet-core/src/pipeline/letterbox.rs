@@ -3,7 +3,7 @@
 use nunet_types::PixelRect;
 
 use crate::framing::Framing;
-use crate::graph::{DepthResize, SerialGraph};
+use crate::graph::{DepthResize, GraphOutputs, SerialGraph};
 
 /// The image with padding, and the network's results that still have it.
 ///
@@ -57,7 +57,7 @@ impl Canvas {
     }
 }
 
-/// The network's results of the padded image, and those that were taken out of them.
+/// The network's results of the padded image, and those that were taken out of them and not into the caller's memory.
 pub(super) struct Inner {
     /// `[H, W]`, with padding.
     pub(super) depth: Vec<f32>,
@@ -86,12 +86,19 @@ impl Inner {
         }
     }
 
-    /// Takes depth out of its padding, and labels and confidence out of those of the graph.
-    pub(super) fn take_results(&mut self, depth: &mut [f32], graph: &SerialGraph) {
+    /// Takes depth out of its padding, and labels and confidence out of those of the graph. Those that are not in `results`
+    /// stay here. Returns how many bytes were written.
+    pub(super) fn take_results(&mut self, results: GraphOutputs<'_>, graph: &SerialGraph) -> u64 {
+        let GraphOutputs { depth, labels, confidence } = results;
         self.resize.fill(&self.depth, depth);
-        let Self { labels, confidence, rows, columns, width, .. } = self;
-        for (padded, values) in [(graph.labels(), labels), (graph.confidence(), confidence)] {
+        let mut bytes_written = size_of_val(depth);
+        let Self { labels: own_labels, confidence: own_confidence, rows, columns, width, .. } = self;
+        for (padded, values) in [
+            (graph.labels(), labels.unwrap_or(own_labels)),
+            (graph.confidence(), confidence.unwrap_or(own_confidence)),
+        ] {
             let Some(padded) = padded else { continue };
+            bytes_written += values.len();
             for (row, out) in rows.iter().zip(values.chunks_exact_mut(*width)) {
                 let from = &padded[row * *width..][..*width];
                 for (column, value) in columns.iter().zip(out) {
@@ -99,6 +106,7 @@ impl Inner {
                 }
             }
         }
+        bytes_written as u64
     }
 }
 

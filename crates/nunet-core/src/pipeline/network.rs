@@ -2,10 +2,10 @@
 
 use nunet_types::ImageSize;
 
-use super::PipelineError;
 use super::input::GraphImage;
 use super::letterbox::Letterbox;
 use super::timer::StageTimer;
+use super::{Outputs, PipelineError};
 use crate::clock::Clock;
 use crate::filter::Appearance;
 use crate::frame::ImageView;
@@ -19,8 +19,9 @@ const MEAN_COLOR: [u8; 3] = [127; 3];
 /// Checks buffers that the graph does not see.
 fn check_lengths(results: &GraphOutputs<'_>, size: ImageSize) -> Result<(), GraphError> {
     let expected = size.pixel_count();
-    let labels = results.labels.as_ref().map_or(expected, |labels| labels.len());
-    for (tensor, got) in [("depth", results.depth.len()), ("labels", labels)] {
+    let len = |map: Option<&[u8]>| map.map_or(expected, <[u8]>::len);
+    let (labels, confidence) = (len(results.labels.as_deref()), len(results.confidence.as_deref()));
+    for (tensor, got) in [("depth", results.depth.len()), ("labels", labels), ("confidence", confidence)] {
         if got != expected {
             return Err(GraphError::Buffer { tensor, got, expected });
         }
@@ -66,6 +67,17 @@ impl Network {
         self.framing = framing;
     }
 
+    /// Refuses memory for results that the graph does not have.
+    pub(super) fn check_requested(&self, outputs: &Outputs<'_>) -> Result<(), GraphError> {
+        if outputs.labels.is_some() && !self.graph.has_labels() {
+            return Err(GraphError::NoLabels);
+        }
+        if outputs.confidence.is_some() && !self.graph.has_confidence() {
+            return Err(GraphError::NoConfidence);
+        }
+        Ok(())
+    }
+
     /// Runs the graph on a frame; returns its report and how many bytes were copied for its input. With padding, the results
     /// stay inside until [`Self::take_results`].
     pub(super) fn run(
@@ -92,27 +104,32 @@ impl Network {
             let (input, bytes_filled) = input.fill(rgb);
             (input, image.bytes_copied + bytes_padded + bytes_filled)
         });
-        let padded = GraphOutputs { depth: &mut inner.depth, labels: None };
+        let padded = GraphOutputs { depth: &mut inner.depth, labels: None, confidence: None };
         Ok((timer.extend(graph.run(input, padded, clock)?), bytes_copied))
     }
 
-    /// Fills `depth` and `labels` if they have not been filled by [`Self::run`]: without the padding.
-    pub(super) fn take_results(&mut self, depth: &mut [f32], labels: Option<&mut [u8]>) {
-        let Some(Letterbox { inner, .. }) = &mut self.letterbox else { return };
-        inner.take_results(depth, &self.graph);
-        if let Some(labels) = labels {
-            labels.copy_from_slice(&inner.labels);
-        }
+    /// Fills `results` if they have not been filled by [`Self::run`]: without the padding. Returns how many bytes were
+    /// copied.
+    pub(super) fn take_results(&mut self, results: GraphOutputs<'_>) -> u64 {
+        let Some(Letterbox { inner, .. }) = &mut self.letterbox else { return 0 };
+        inner.take_results(results, &self.graph)
     }
 
-    /// The confidence of the last frame's depth, pixel on pixel with the results, if the network has one.
+    /// The confidence of the last frame's depth, pixel on pixel with the results, if the network has one. It is valid only
+    /// if it was not written into the caller's memory.
     pub(super) fn confidence(&self) -> Option<&[u8]> {
         let padded = self.graph.confidence()?;
         Some(self.letterbox.as_ref().map_or(padded, |letterbox| &letterbox.inner.confidence[..]))
     }
 
-    /// Colors and labels of the last frame, which was `frame`, pixel on pixel with the results. No labels if they were
-    /// written into the caller's memory.
+    /// The same, to be adapted.
+    pub(super) fn confidence_mut(&mut self) -> Option<&mut [u8]> {
+        let padded = self.graph.confidence_mut()?;
+        Some(self.letterbox.as_mut().map_or(padded, |letterbox| &mut letterbox.inner.confidence[..]))
+    }
+
+    /// Colors and labels of the last frame, which was `frame`, pixel on pixel with the results. Labels are valid only if they
+    /// were not written into the caller's memory.
     pub(super) fn appearance<'a>(&'a self, frame: &ImageView<'a>) -> Appearance<'a> {
         match &self.letterbox {
             None => Appearance { rgb: self.preprocessor.last(frame), labels: self.graph.labels() },

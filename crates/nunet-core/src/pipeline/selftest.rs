@@ -24,7 +24,7 @@ impl Pipeline {
         let (input, _) = self.network.input.fill(&image);
         self.network.graph.run(
             input,
-            GraphOutputs { depth: &mut depth, labels: labels.as_deref_mut() },
+            GraphOutputs { depth: &mut depth, labels: labels.as_deref_mut(), confidence: None },
             clock,
         )?;
         self.network.graph.reset();

@@ -133,7 +133,7 @@ fn labels_that_were_not_requested_are_not_written() {
     let mut graph = folder.load("wnet.onnx").unwrap();
     let rgb = image(SIZE);
     let mut depth = vec![0.0; rgb.len() / 3];
-    let outputs = GraphOutputs { depth: &mut depth, labels: None };
+    let outputs = GraphOutputs { depth: &mut depth, labels: None, confidence: None };
     graph.run(GraphInput::Rgb(&rgb), outputs, &ticking()).unwrap();
     let (depth_expected, labels_expected) = expected(models::connected_depth);
     assert_eq!(graph.labels(), Some(&labels_expected[..]));

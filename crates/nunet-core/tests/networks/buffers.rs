@@ -25,7 +25,7 @@ fn each_of_many_buffers_gets_its_own_result() {
         for (rgb, depth, labels) in &mut buffers {
             depth.fill(-1.0);
             labels.fill(99);
-            let outputs = GraphOutputs { depth, labels: Some(labels) };
+            let outputs = GraphOutputs { depth, labels: Some(labels), confidence: None };
             graph.run(GraphInput::Rgb(rgb), outputs, &ticking()).unwrap();
         }
         for (rgb, depth, labels) in &buffers {
@@ -42,9 +42,8 @@ fn an_address_that_was_freed_and_allocated_again_is_safe() {
         // Fresh allocations each time: the allocator hands the same addresses out again and again.
         let rgb: Vec<u8> = image(SIZE).iter().map(|value| value.wrapping_mul(i | 1)).collect();
         let mut depth = vec![-1.0; rgb.len() / 3];
-        graph
-            .run(GraphInput::Rgb(&rgb), GraphOutputs { depth: &mut depth, labels: None }, &ticking())
-            .unwrap();
+        let outputs = GraphOutputs { depth: &mut depth, labels: None, confidence: None };
+        graph.run(GraphInput::Rgb(&rgb), outputs, &ticking()).unwrap();
         assert!(pixels(&rgb).map(models::connected_depth).eq(depth.iter().copied()));
     }
 }
@@ -64,6 +63,7 @@ fn memory_may_have_any_address() {
         let outputs = GraphOutputs {
             depth: &mut floats[offset..offset + pixel_count],
             labels: Some(&mut classes[offset..offset + pixel_count]),
+            confidence: None,
         };
         graph.run(GraphInput::Rgb(&bytes[offset..offset + rgb.len()]), outputs, &ticking()).unwrap();
         assert!(
@@ -83,7 +83,7 @@ fn buffers_of_another_length_or_type_are_refused() {
     let rgb = image(SIZE);
     let mut run = |rgb: GraphInput<'_>, depth_len: usize, labels_len: usize| {
         let (mut depth, mut labels) = (vec![0.0; depth_len], vec![0; labels_len]);
-        let outputs = GraphOutputs { depth: &mut depth, labels: Some(&mut labels) };
+        let outputs = GraphOutputs { depth: &mut depth, labels: Some(&mut labels), confidence: None };
         graph.run(rgb, outputs, &ticking()).map(drop).map_err(|error| error.to_string())
     };
     let error = |buffer: &str, got: usize, expected: usize| {
@@ -103,7 +103,7 @@ fn buffers_of_another_length_or_type_are_refused() {
 fn labels_cannot_be_requested_from_a_graph_without_labels() {
     let mut graph = Folder::new().model("unet.onnx", &models::unet(SIZE)).load("unet.onnx").unwrap();
     let (mut depth, mut labels) = ([0.0; 18], [0; 18]);
-    let outputs = GraphOutputs { depth: &mut depth, labels: Some(&mut labels) };
+    let outputs = GraphOutputs { depth: &mut depth, labels: Some(&mut labels), confidence: None };
     let error = graph.run(GraphInput::Rgb(&image(SIZE)), outputs, &ticking()).unwrap_err();
     assert_eq!(error.to_string(), "the graph has no labels");
 }
@@ -143,7 +143,7 @@ fn a_model_whose_output_differs_from_its_signature_is_refused() {
         Ok(graph) => graph,
     };
     let mut depth = [0.0; 18];
-    let outputs = GraphOutputs { depth: &mut depth, labels: None };
+    let outputs = GraphOutputs { depth: &mut depth, labels: None, confidence: None };
     let error = graph.run(GraphInput::Rgb(&image(SIZE)), outputs, &ticking()).unwrap_err();
     assert!(error.to_string().starts_with("stage `network` failed: "), "{error}");
 }

@@ -53,6 +53,7 @@ fn run(pipeline: &mut Pipeline, rgb: &[u8], labels_wanted: bool) -> Answer {
     let outputs = Outputs {
         depth_m: &mut depth_m,
         labels: labels_wanted.then_some(&mut labels[..]),
+        confidence: None,
         cloud: Some(&mut cloud),
     };
     let report = pipeline.process(&frame, outputs, &ticking()).unwrap();
@@ -193,7 +194,7 @@ fn the_self_test_is_of_the_networks_own_size() {
     let rgb = selftest::image(size.0, size.1);
     let frame = ImageView::packed(&rgb, size.0, size.1, PixelFormat::Rgb8).unwrap();
     let mut depth_m = vec![0.0; 8 * 6];
-    let outputs = Outputs { depth_m: &mut depth_m, labels: None, cloud: None };
+    let outputs = Outputs { depth_m: &mut depth_m, labels: None, confidence: None, cloud: None };
     assert_eq!(pipeline.process(&frame, outputs, &ticking()).unwrap().invalid_pixels, 0);
 }
 
@@ -208,9 +209,10 @@ fn options_that_do_not_fit_are_refused() {
     let rgb = image(LARGE);
     let frame = ImageView::packed(&rgb, LARGE.width, LARGE.height, PixelFormat::Rgb8).unwrap();
     let mut depth_m = vec![0.0; 70];
-    let outputs = Outputs { depth_m: &mut depth_m, labels: None, cloud: None };
+    let outputs = Outputs { depth_m: &mut depth_m, labels: None, confidence: None, cloud: None };
     let message = chain(&pipeline.process(&frame, outputs, &ticking()).unwrap_err());
     assert!(message.contains("the buffer `depth` of filter `decimation` has 70 elements"), "{message}");
-    let outputs = Outputs { depth_m: &mut depth_m[..15], labels: Some(&mut [0; 15]), cloud: None };
+    let outputs =
+        Outputs { depth_m: &mut depth_m[..15], labels: Some(&mut [0; 15]), confidence: None, cloud: None };
     assert!(pipeline.process(&frame, outputs, &ticking()).is_err(), "this network has no labels");
 }

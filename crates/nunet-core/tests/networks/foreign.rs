@@ -32,7 +32,7 @@ fn depth_of(folder: &Folder) -> (Vec<f32>, u64) {
     let rgb = image(SIZE);
     let mut depth_m = vec![0.0; rgb.len() / 3];
     let frame = ImageView::packed(&rgb, SIZE.width, SIZE.height, PixelFormat::Rgb8).unwrap();
-    let outputs = Outputs { depth_m: &mut depth_m, labels: None, cloud: None };
+    let outputs = Outputs { depth_m: &mut depth_m, labels: None, confidence: None, cloud: None };
     let report = pipeline.process(&frame, outputs, &ticking()).unwrap();
     (depth_m, report.bytes_copied)
 }

@@ -41,7 +41,7 @@ fn depth_of(graph: SerialGraph, camera: Option<Camera>, rgb: &[u8]) -> (Vec<f32>
     let ImageSize { width, height } = pipeline.size();
     let frame = ImageView::packed(rgb, width, height, PixelFormat::Rgb8).unwrap();
     let mut depth_m = vec![0.0; rgb.len() / 3];
-    let outputs = Outputs { depth_m: &mut depth_m, labels: None, cloud: None };
+    let outputs = Outputs { depth_m: &mut depth_m, labels: None, confidence: None, cloud: None };
     let report = pipeline.process(&frame, outputs, &ticking()).unwrap();
     (depth_m, report.scale_source, report.bytes_copied)
 }
@@ -172,7 +172,7 @@ fn a_network_that_takes_the_camera_gets_it_at_its_own_size_and_is_not_corrected_
     pipeline.set_camera(Some(known)).unwrap();
     let frame = ImageView::packed(&[0; 24], 4, 2, PixelFormat::Rgb8).unwrap();
     let mut depth_m = [0.0; 8];
-    let outputs = Outputs { depth_m: &mut depth_m, labels: None, cloud: None };
+    let outputs = Outputs { depth_m: &mut depth_m, labels: None, confidence: None, cloud: None };
     pipeline.process(&frame, outputs, &ticking()).unwrap();
     assert_eq!(depth_m, [3.0; 8], "a camera that is set later is fed too");
 }

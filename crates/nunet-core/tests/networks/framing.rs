@@ -37,7 +37,12 @@ fn run(pipeline: &mut Pipeline, frame: &ImageView<'_>) -> Answer {
     let pixels = pipeline.size().pixel_count();
     let (mut depth_m, mut labels) = (vec![-1.0; pixels], vec![99; pixels]);
     let mut cloud = vec![CloudPoint::NONE; pixels];
-    let outputs = Outputs { depth_m: &mut depth_m, labels: Some(&mut labels), cloud: Some(&mut cloud) };
+    let outputs = Outputs {
+        depth_m: &mut depth_m,
+        labels: Some(&mut labels),
+        confidence: None,
+        cloud: Some(&mut cloud),
+    };
     let report = pipeline.process(frame, outputs, &ticking()).unwrap();
     Answer { depth_m, labels, cloud, report }
 }
@@ -192,7 +197,8 @@ fn buffers_of_a_wrong_length_are_refused_with_padding_too() {
     let frame = ImageView::packed(&rgb, size.width, size.height, PixelFormat::Rgb8).unwrap();
     for (depth, labels) in [(47, 48), (48, 47)] {
         let (mut depth_m, mut labels) = (vec![0.0; depth], vec![0; labels]);
-        let outputs = Outputs { depth_m: &mut depth_m, labels: Some(&mut labels), cloud: None };
+        let outputs =
+            Outputs { depth_m: &mut depth_m, labels: Some(&mut labels), confidence: None, cloud: None };
         let error = pipeline(AspectMode::Letterbox, None).process(&frame, outputs, &ticking()).unwrap_err();
         assert!(matches!(error, PipelineError::Graph(_)), "{error}");
     }

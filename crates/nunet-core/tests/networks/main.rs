@@ -94,7 +94,7 @@ fn run(graph: &mut SerialGraph, rgb: &[u8]) -> Answer {
     // Values that no network here returns, so that memory that was not written shows.
     let (mut depth, mut labels) = (vec![-1.0; pixels], vec![99; pixels]);
     let wanted = graph.has_labels().then_some(&mut labels[..]);
-    let outputs = GraphOutputs { depth: &mut depth, labels: wanted };
+    let outputs = GraphOutputs { depth: &mut depth, labels: wanted, confidence: None };
     let report = graph.run(GraphInput::Rgb(rgb), outputs, &clock).unwrap();
     Answer { depth, labels, report }
 }

@@ -30,7 +30,7 @@ fn with_camera(fx_px: f64) -> PipelineOptions {
 fn depth_of(pipeline: &mut Pipeline, rgb: &[u8]) -> (Vec<f32>, FrameReport) {
     let mut depth_m = vec![-1.0; rgb.len() / 3];
     let frame = ImageView::packed(rgb, SIZE.width, SIZE.height, PixelFormat::Rgb8).unwrap();
-    let outputs = Outputs { depth_m: &mut depth_m, labels: None, cloud: None };
+    let outputs = Outputs { depth_m: &mut depth_m, labels: None, confidence: None, cloud: None };
     let report = pipeline.process(&frame, outputs, &ticking()).unwrap();
     (depth_m, report)
 }
@@ -102,6 +102,7 @@ fn the_cloud_has_colors_and_labels_whether_or_not_labels_are_requested() {
         let outputs = Outputs {
             depth_m: &mut depth_m,
             labels: labels_wanted.then_some(&mut labels[..]),
+            confidence: None,
             cloud: Some(&mut cloud),
         };
         let report = pipeline.process(&frame, outputs, &ticking()).unwrap();
@@ -122,7 +123,7 @@ fn the_cloud_has_colors_and_labels_whether_or_not_labels_are_requested() {
 fn cloud_of(pipeline: &mut Pipeline, rgb: &[u8]) -> (Vec<CloudPoint>, FrameReport) {
     let (mut depth_m, mut cloud) = (vec![0.0; 18], vec![CloudPoint::NONE; 18]);
     let frame = ImageView::packed(rgb, SIZE.width, SIZE.height, PixelFormat::Rgb8).unwrap();
-    let outputs = Outputs { depth_m: &mut depth_m, labels: None, cloud: Some(&mut cloud) };
+    let outputs = Outputs { depth_m: &mut depth_m, labels: None, confidence: None, cloud: Some(&mut cloud) };
     let report = pipeline.process(&frame, outputs, &ticking()).unwrap();
     (cloud, report)
 }
@@ -155,7 +156,7 @@ fn a_larger_image_is_resized_and_its_bytes_are_counted() {
     let gray = vec![64; 12 * 6 * 3];
     let frame = ImageView::packed(&gray, 12, 6, PixelFormat::Bgr8).unwrap();
     let mut depth_m = vec![0.0; 18];
-    let outputs = Outputs { depth_m: &mut depth_m, labels: None, cloud: None };
+    let outputs = Outputs { depth_m: &mut depth_m, labels: None, confidence: None, cloud: None };
     let report = pipeline.process(&frame, outputs, &ticking()).unwrap();
     assert_eq!(depth_m, [models::plain_depth([64; 3]); 18]);
     assert!(report.bytes_copied >= 54);

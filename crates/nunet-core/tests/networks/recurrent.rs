@@ -54,7 +54,7 @@ fn floats(graph: &SerialGraph, tensor: &str) -> Vec<f32> {
 /// A run that must fail in a stage, whose name is returned in the message.
 fn fail(graph: &mut SerialGraph, rgb: &[u8]) -> String {
     let mut depth = vec![0.0; rgb.len() / 3];
-    let outputs = GraphOutputs { depth: &mut depth, labels: None };
+    let outputs = GraphOutputs { depth: &mut depth, labels: None, confidence: None };
     graph.run(GraphInput::Rgb(rgb), outputs, &ticking()).unwrap_err().to_string()
 }
 
@@ -161,7 +161,7 @@ fn a_self_test_and_a_reset_of_the_pipeline_leave_zeros() {
     let depth_of = |pipeline: &mut Pipeline, number: u8| {
         let (rgb, mut depth_m) = (numbered(number), vec![0.0; 18]);
         let frame = ImageView::packed(&rgb, SIZE.width, SIZE.height, PixelFormat::Rgb8).unwrap();
-        let outputs = Outputs { depth_m: &mut depth_m, labels: None, cloud: None };
+        let outputs = Outputs { depth_m: &mut depth_m, labels: None, confidence: None, cloud: None };
         pipeline.process(&frame, outputs, &ticking()).unwrap();
         depth_m
     };

@@ -18,7 +18,8 @@ pub(crate) struct Loans {
 }
 
 impl Loans {
-    /// The buffers for the pipeline. Labels are written into `spare_labels` if no reader or sink needs them.
+    /// The buffers for the pipeline. Labels are written into `spare_labels` if no reader or sink needs them; the confidence
+    /// stays in the pipeline then.
     pub(crate) fn outputs<'a>(
         &'a mut self,
         spare_labels: Option<&'a mut [u8]>,
@@ -27,24 +28,17 @@ impl Loans {
         Ok(Outputs {
             depth_m: self.depth.slice_mut()?,
             labels: self.labels.as_mut().map(Loan::bytes_mut).or(spare_labels),
+            confidence: self.confidence.as_mut().map(Loan::bytes_mut),
             cloud: points,
         })
     }
 
-    /// Depth and labels after the pipeline filled them; no labels if they went into the spare memory.
-    pub(crate) fn depth_image<'a>(
-        &'a mut self,
-        confidence: Option<&'a [u8]>,
-    ) -> anyhow::Result<DepthImage<'a>> {
+    /// Depth, labels and confidence after the pipeline filled them; no labels if they went into the spare memory. `kept` is
+    /// the confidence of a pipeline that was given no memory for it.
+    pub(crate) fn depth_image<'a>(&'a mut self, kept: Option<&'a [u8]>) -> anyhow::Result<DepthImage<'a>> {
         let labels = self.labels.as_mut().map(|labels| &*labels.bytes_mut());
+        let confidence = self.confidence.as_mut().map(|confidence| &*confidence.bytes_mut()).or(kept);
         Ok(DepthImage { depth_m: self.depth.slice_mut()?, labels, confidence })
-    }
-
-    /// Writes the confidence of the frame, if a reader or a sink needs it.
-    pub(crate) fn set_confidence(&mut self, values: Option<&[u8]>) {
-        if let (Some(loan), Some(values)) = (&mut self.confidence, values) {
-            loan.bytes_mut().copy_from_slice(values);
-        }
     }
 
     /// Writes the obstacles of the frame, if a reader or a sink needs them.

@@ -1,4 +1,4 @@
-//! Depth, labels, cloud and stats in shared memory. The pipeline writes its results there directly.
+//! Depth, labels, confidence, cloud and stats in shared memory. The pipeline writes its results there directly.
 //!
 //! Not a [`Sink`](super::Sink): results are computed in the memory loaned here, and the sinks read them there after
 //! publishing.

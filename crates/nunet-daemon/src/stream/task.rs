@@ -305,7 +305,6 @@ impl StreamTask {
         let spare = self.obstacles.as_mut().filter(|_| with_obstacles).and_then(ObstacleStage::spare_labels);
         let mut report = self.pipeline.process(&frame.view()?, loans.outputs(spare)?, &MonotonicClock)?;
         report.bytes_copied += frame.bytes_copied;
-        loans.set_confidence(self.pipeline.confidence());
         let Some(stage) = &mut self.obstacles else { return Ok(report) };
         let start_nanos = MonotonicClock.nanos();
         if with_obstacles {

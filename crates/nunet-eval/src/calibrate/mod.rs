@@ -259,7 +259,7 @@ impl Calibrator {
         self.camera = self.resolver.resolve(frame)?;
         self.pipeline.forget();
         let labels = (!self.labels.is_empty()).then_some(&mut self.labels[..]);
-        let outputs = Outputs { depth_m: &mut self.depth_m, labels, cloud: None };
+        let outputs = Outputs { depth_m: &mut self.depth_m, labels, confidence: None, cloud: None };
         self.pipeline.process(&frame.view()?, outputs, &|| 0)?;
         Ok(news)
     }

@@ -81,7 +81,7 @@ contract_struct! {
         pub model_hash: [u8; 32],
         /// Microseconds that each stage took for this frame.
         pub stage_micros: [u32; MAX_STAGES],
-        /// Bytes copied between the camera's memory and the network's input for this frame.
+        /// Bytes copied for this frame: for the network's input, for reused labels, and for resized results.
         pub bytes_copied: u64,
         /// Pixels of the depth map without a depth, after the filters: those that are NaN.
         pub invalid_pixels: u64,

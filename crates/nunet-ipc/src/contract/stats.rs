@@ -34,7 +34,7 @@ contract_struct! {
         pub in_flight: u64,
         /// Published frames a second, since the first one.
         pub fps: f64,
-        /// Mean bytes copied between the camera's memory and the network's input, a frame.
+        /// Mean bytes copied, a frame.
         pub bytes_copied_per_frame: f64,
         /// Mean heap allocations of our crates, a frame; NaN when they are not counted.
         pub allocations_per_frame: f64,

@@ -63,7 +63,7 @@ pub(crate) struct FrameHeader {
     model_hash: Option<String>,
     /// Microseconds of each stage for this frame; `Stats.stages_ms` has their names in the same order.
     stage_micros: Vec<u32>,
-    /// Bytes copied between the camera's memory and the network's input for this frame.
+    /// Bytes copied for this frame: for the network's input, for reused labels, and for resized results.
     bytes_copied: u64,
     /// Number of NaN pixels of the depth map.
     invalid_pixels: u64,

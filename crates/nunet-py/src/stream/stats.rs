@@ -29,7 +29,7 @@ pub(crate) struct PyStats {
     /// Published frames per second, since the first one.
     #[pyo3(get)]
     fps: f64,
-    /// Mean number of bytes per frame that are copied between the camera's memory and the network's input.
+    /// Mean number of bytes copied per frame.
     #[pyo3(get)]
     bytes_copied_per_frame: f64,
     /// Mean number of heap allocations per frame; NaN if they are not counted.

@@ -109,7 +109,7 @@ impl Element for f32 {
     const TYPE: ElementType = ElementType::Float32;
 }
 
-/// A tensor whose memory the caller provides for each run: the image, the depth map, the labels.
+/// A tensor whose memory the caller provides for each run: the image, the depth map, the labels, the confidence.
 pub(in crate::graph) struct CallerTensor {
     role: &'static str,
     spec: TensorSpec,
@@ -249,18 +249,12 @@ impl OwnTensors {
 
     /// Writes zeros into one tensor.
     pub(in crate::graph) fn zero(&mut self, index: usize) {
-        let tensor = &self.0[index];
-        // SAFETY: `tensor` owns at least that many bytes, and `self` is borrowed mutably: no token and no view is alive.
-        unsafe { std::ptr::write_bytes(tensor.memory.as_ptr().cast::<u8>(), 0, tensor.bytes) };
+        self.bytes_mut(index).fill(0);
     }
 
     /// Writes one tensor. `bytes` has its length.
     pub(in crate::graph) fn write(&mut self, index: usize, bytes: &[u8]) {
-        let tensor = &self.0[index];
-        assert_eq!(tensor.bytes, bytes.len(), "a tensor is written as a whole");
-        // SAFETY: `tensor` owns that many bytes, which `bytes` does not overlap because `self` is borrowed mutably; no
-        // token and no view is alive.
-        unsafe { tensor.memory.as_ptr().cast::<u8>().copy_from_nonoverlapping(bytes.as_ptr(), bytes.len()) };
+        self.bytes_mut(index).copy_from_slice(bytes);
     }
 
     /// The values of one `f32` tensor.
@@ -276,6 +270,13 @@ impl OwnTensors {
         // SAFETY: `tensor` owns at least that many initialized bytes; runs write them only through tokens of `lend`,
         // which borrows `self` mutably and so cannot be alive beside this view.
         unsafe { std::slice::from_raw_parts(tensor.memory.as_ptr().cast(), tensor.bytes) }
+    }
+
+    /// The bytes of one tensor, to be changed.
+    pub(in crate::graph) fn bytes_mut(&mut self, index: usize) -> &mut [u8] {
+        let tensor = &mut self.0[index];
+        // SAFETY: as in `bytes`; `self` is borrowed mutably, so that no token and no other view is alive.
+        unsafe { std::slice::from_raw_parts_mut(tensor.memory.as_ptr().cast(), tensor.bytes) }
     }
 }
 
