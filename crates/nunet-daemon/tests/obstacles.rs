@@ -254,6 +254,7 @@ fn obstacles_without_a_place_or_with_an_impossible_one_are_refused_with_a_hint()
         (&["run", "--source", "demo", "--hold=-1", "--mount", MOUNT], "0 or more"),
         (&["run", "--source", "demo", "--hold", "1", "--mount", "0,0,1,0,-1.57,0"], "degrees up"),
         (&["infer", &image, "--out", &out, "--obstacles"], "pass --mount"),
+        (&["replay", "a.mcap", "b.mcap", "--publish", "obstacles", "--mount", MOUNT], "finds no obstacles"),
     ] {
         let mut command = nunetd(arguments);
         command.args(["--model", &model]);

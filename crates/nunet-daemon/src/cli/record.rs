@@ -8,7 +8,7 @@ use serde::Deserialize;
 use super::text::{FrameId, Text, value};
 use super::{CameraArgs, DEFAULT_MODEL, EngineArgs};
 use crate::config::{MountOption, Publish, RecordConfig};
-use crate::exit::camera_name;
+use crate::exit::{BadArguments, camera_name};
 use crate::subcommands::replay;
 
 /// The recording of a stream.
@@ -88,6 +88,7 @@ pub struct ReplayArgs {
 impl ReplayArgs {
     /// As checked values.
     pub(crate) fn options(self) -> anyhow::Result<replay::ReplayOptions> {
+        self.check_publish()?;
         Ok(replay::ReplayOptions {
             camera: camera_name(&self.camera)?,
             frame_id: value(&self.frame_id).map(|FrameId(name)| name),
@@ -102,5 +103,14 @@ impl ReplayArgs {
             force: self.force,
             json: self.json,
         })
+    }
+
+    /// Refuses obstacles, which would be missing in the recording without a warning.
+    fn check_publish(&self) -> Result<(), BadArguments> {
+        if !self.publish.contains(&Publish::Obstacles) {
+            return Ok(());
+        }
+        let hint = "pass --source IN.mcap --record OUT.mcap and --mount to `nunetd run` instead";
+        Err(BadArguments::new("`replay` finds no obstacles").with_hint(hint))
     }
 }
