@@ -1,27 +1,15 @@
 //! For each direction, finds the nearest obstacle and how far the floor is free.
 
-use nunet_types::{NO_LABEL, ObstacleSector, SectorState};
+use nunet_types::{ObstacleSector, SectorState};
 
+use super::hits::Hits;
 use super::scan::Votes;
 use super::sectors::Sectors;
 use super::view::{Cell, View};
 
-/// Points of an obstacle are at most this much farther than its nearest one, meters.
-const DEPTH_OF_OBSTACLE_M: f32 = 0.3;
 /// Free floor may end before its obstacle by this many meters plus this many cells.
 const GAP_M: f32 = 0.1;
 const GAP_CELLS: f32 = 3.0;
-
-/// A point of an obstacle, or of a window, mirror or screen.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Hit {
-    pub(super) range_m: f32,
-    pub(super) height_m: f32,
-    /// 16 bits, to keep the list of all hits small.
-    pub(super) sector: u16,
-    pub(super) label: u8,
-    pub(super) is_deceptive: bool,
-}
 
 /// Where the free floor of a sector ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,26 +37,8 @@ enum End {
 }
 
 /// Fills all sectors from the points of obstacles and the cells of the floor.
-pub(super) fn fill(view: &View, votes: &[Votes], hits: &[Hit], sectors: &mut [ObstacleSector]) {
-    sectors.fill(ObstacleSector::UNKNOWN);
-    // Until it has its state, `range_m` is the distance of the nearest deceptive surface.
-    sectors.iter_mut().for_each(|sector| sector.range_m = f32::INFINITY);
-    for hit in hits {
-        let sector = &mut sectors[usize::from(hit.sector)];
-        if hit.is_deceptive {
-            sector.range_m = sector.range_m.min(hit.range_m);
-        } else if hit.range_m < sector.obstacle_m || sector.obstacle_m.is_nan() {
-            (sector.obstacle_m, sector.label) = (hit.range_m, hit.label);
-        }
-    }
-    for hit in hits.iter().filter(|hit| !hit.is_deceptive) {
-        let sector = &mut sectors[usize::from(hit.sector)];
-        if hit.range_m <= sector.obstacle_m + DEPTH_OF_OBSTACLE_M {
-            // `min` and `max` return the number if the other one is NaN.
-            sector.min_height_m = sector.min_height_m.min(hit.height_m);
-            sector.max_height_m = sector.max_height_m.max(hit.height_m);
-        }
-    }
+pub(super) fn fill(view: &View, votes: &[Votes], hits: &mut Hits, sectors: &mut [ObstacleSector]) {
+    hits.fill(sectors);
     for (index, sector) in sectors.iter_mut().enumerate() {
         let cells = view.cells_of(index);
         let floor = free_floor(&view.cells[cells.clone()], &votes[cells.clone()]);
@@ -179,11 +149,6 @@ impl Memory {
             }
         }
     }
-}
-
-impl Hit {
-    /// The class of an obstacle without labels.
-    pub(super) const NO_LABEL: u8 = NO_LABEL;
 }
 
 #[cfg(test)]

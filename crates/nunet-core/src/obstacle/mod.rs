@@ -50,6 +50,7 @@ mod error;
 mod extent;
 mod floor_view;
 mod ground;
+mod hits;
 mod kind;
 mod mount;
 mod options;
@@ -233,7 +234,7 @@ impl ObstacleDetector {
         }
         self.obstacles.ground = Ground { floor_fraction: self.scan.floor_fraction(), ..ground };
         self.collector.voxels.take(self.options.max_points, &mut self.obstacles.points);
-        directions::fill(&self.view, &self.scan.votes, self.collector.hits(), &mut self.obstacles.sectors);
+        directions::fill(&self.view, &self.scan.votes, &mut self.collector.hits, &mut self.obstacles.sectors);
         self.memory.update(&mut self.obstacles.sectors, time_nanos);
         Ok(&self.obstacles)
     }

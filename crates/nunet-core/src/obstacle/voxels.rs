@@ -62,19 +62,24 @@ impl Voxels {
     }
 
     /// Adds a point (x, y, z, height) to the cube at `key`, which follows from the present length of edges. The point must
-    /// be finite and within a kilometer. Returns the index of the cube; `guess` is a cube that is probably the same one.
+    /// be finite and within a kilometer. Returns the index of the cube; one of the `guesses` is probably the same one.
     #[inline]
     pub(super) fn add(
         &mut self,
-        key: Key,
-        guess: usize,
+        (key, guesses): (Key, [usize; 2]),
         point: [f32; 4],
-        (label, confidence): (u8, u8),
+        confidence: u8,
+        label: impl FnOnce() -> u8,
     ) -> usize {
-        let index = match self.cubes.get(guess) {
-            Some(cube) if cube.key == key => guess,
-            _ => self.find_or_insert(key, label),
-        };
+        for guess in guesses {
+            if let Some(cube) = self.cubes.get_mut(guess)
+                && cube.key == key
+            {
+                cube.add(point, f32::from(confidence), 1);
+                return guess;
+            }
+        }
+        let index = self.find_or_insert(key, label());
         self.cubes[index].add(point, f32::from(confidence), 1);
         while self.cubes.len() == CAPACITY {
             self.coarsen();
@@ -90,7 +95,8 @@ impl Voxels {
         out.clear();
         out.extend(self.cubes.iter().take(most).map(|cube| {
             let [x, y, z, height] = cube.sums.map(|sum| sum / cube.count as f32);
-            let confidence = (cube.confidence / cube.count as f32).round() as u8;
+            // Rounded; `round` is a function call on processors without SSE 4.1.
+            let confidence = (cube.confidence / cube.count as f32 + 0.5) as u8;
             ObstaclePoint { x, y, z, height, label: cube.label, confidence, reserved: [0; 2] }
         }));
     }
@@ -158,14 +164,14 @@ impl Key {
 
 /// The lower 16 bits of the largest integer up to a number between ±2^21.
 ///
-/// Adding this sum of powers of two rounds a number to an integer, which is then in the lower bits. `f32::floor` is a
-/// function call on processors without SSE 4.1, and conversions to integers check the range; this is vectorized.
+/// Adding this sum of powers of two rounds a number to the nearest integer, which is then in the lower bits. `f32::floor` is
+/// a function call on processors without SSE 4.1, and conversions to integers check the range; this is vectorized.
 #[inline]
 fn floor(value: f32) -> u16 {
     const TO_INTEGER: f32 = (3 << 22) as f32;
-    let nearest = (value + TO_INTEGER) - TO_INTEGER;
-    let floor = if nearest > value { nearest - 1.0 } else { nearest };
-    (floor + TO_INTEGER).to_bits() as u16
+    let shifted = value + TO_INTEGER;
+    let is_above = shifted - TO_INTEGER > value;
+    shifted.to_bits().wrapping_sub(u32::from(is_above)) as u16
 }
 
 #[cfg(test)]
@@ -179,7 +185,7 @@ mod tests {
 
     fn add(voxels: &mut Voxels, point: &ObstaclePoint) {
         let &ObstaclePoint { x, y, z, height, label, confidence, .. } = point;
-        voxels.add(Key::at([x, y, z], voxels.edge_m()), 0, [x, y, z, height], (label, confidence));
+        voxels.add((Key::at([x, y, z], voxels.edge_m()), [0; 2]), [x, y, z, height], confidence, || label);
     }
 
     #[test]
