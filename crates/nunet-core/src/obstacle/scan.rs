@@ -77,16 +77,7 @@ impl Scan {
     pub(super) fn gather(&mut self, image: &DepthImage<'_>, view: &View) {
         let rows = image.depth_m.chunks_exact(view.width).step_by(view.stride);
         for (samples, row) in self.depth_m.chunks_exact_mut(self.columns + 2).skip(1).zip(rows) {
-            let samples = &mut samples[1..=self.columns];
-            match view.stride {
-                1 => gather_row::<1>(samples, row),
-                2 => gather_row::<2>(samples, row),
-                stride => {
-                    for (sample, &depth) in samples.iter_mut().zip(row.iter().step_by(stride)) {
-                        *sample = valid(depth);
-                    }
-                }
-            }
+            gather_row(&mut samples[1..=self.columns], row, view.stride, valid);
         }
     }
 
@@ -146,10 +137,8 @@ impl Scan {
             self.line.roles.fill(Role::Other);
             return;
         };
-        let labels = labels[row * view.stride * view.width..][..view.width].iter().step_by(view.stride);
-        for (role, &label) in self.line.roles.iter_mut().zip(labels) {
-            *role = roles.of(label);
-        }
+        let labels = &labels[row * view.stride * view.width..][..view.width];
+        gather_row(&mut self.line.roles, labels, view.stride, |label| roles.of(label));
     }
 
     #[allow(clippy::needless_range_loop, reason = "several slices at once; zips are not vectorized as well")]
@@ -174,7 +163,9 @@ impl Scan {
                 let is_floor = kind == SampleKind::Floor;
                 votes.floor += u32::from(is_floor);
                 votes.drop += u32::from(kind == SampleKind::Drop);
-                votes.far_squared = votes.far_squared.max(if is_floor { range_squared } else { 0.0 });
+                if is_floor & (range_squared > votes.far_squared) {
+                    votes.far_squared = range_squared;
+                }
             }
         }
     }
@@ -189,7 +180,9 @@ impl Scan {
         let (left, here, right) = (depth_m(row + 1, 0), depth_m(row + 1, 1), depth_m(row + 1, 2));
         let kinds = &mut self.line.kinds[..columns];
         for i in 0..columns {
-            let steps = [left[i], right[i], above[i], below[i]].map(|depth| (depth - here[i]) / here[i]);
+            // One division for four steps.
+            let share = 1.0 / here[i];
+            let steps = [left[i], right[i], above[i], below[i]].map(|depth| (depth - here[i]) * share);
             if kinds[i].is_solid() & !is_supported(steps) {
                 kinds[i] = SampleKind::Nothing;
             }
@@ -203,14 +196,28 @@ impl Scan {
     }
 }
 
-/// Takes the first of each `STRIDE` pixels. A constant stride is vectorized.
-fn gather_row<const STRIDE: usize>(samples: &mut [f32], row: &[f32]) {
+/// Takes the first of each `stride` pixels. The usual strides are constants, because that is vectorized.
+#[inline]
+fn gather_row<P: Copy, S>(samples: &mut [S], row: &[P], stride: usize, sample_of: impl Fn(P) -> S) {
+    match stride {
+        1 => gather_chunks::<1, _, _>(samples, row, sample_of),
+        2 => gather_chunks::<2, _, _>(samples, row, sample_of),
+        _ => {
+            for (sample, &pixel) in samples.iter_mut().zip(row.iter().step_by(stride)) {
+                *sample = sample_of(pixel);
+            }
+        }
+    }
+}
+
+#[inline]
+fn gather_chunks<const STRIDE: usize, P: Copy, S>(samples: &mut [S], row: &[P], sample_of: impl Fn(P) -> S) {
     let (chunks, rest) = row.as_chunks::<STRIDE>();
     for (sample, chunk) in samples.iter_mut().zip(chunks) {
-        *sample = valid(chunk[0]);
+        *sample = sample_of(chunk[0]);
     }
-    if let (Some(sample), Some(&depth)) = (samples.get_mut(chunks.len()), rest.first()) {
-        *sample = valid(depth);
+    if let (Some(sample), Some(&pixel)) = (samples.get_mut(chunks.len()), rest.first()) {
+        *sample = sample_of(pixel);
     }
 }
 
@@ -232,8 +239,9 @@ fn is_supported(steps: [f32; 4]) -> bool {
 /// Whether a line of three samples crosses a blurred depth edge.
 #[inline]
 fn flies(before: f32, after: f32) -> bool {
-    // `min` returns the number if the other one is NaN.
-    (before.abs().min(after.abs()) > FLYING_STEP) & ((before > 0.0) != (after > 0.0))
+    // False for NaN: a step to nothing is not small.
+    let is_small = |step: f32| step.abs() <= FLYING_STEP;
+    !is_small(before) & !is_small(after) & ((before > 0.0) != (after > 0.0))
 }
 
 #[cfg(test)]
@@ -246,13 +254,13 @@ mod tests {
     fn every_stride_takes_the_first_pixels_and_the_last_column() {
         let row = [1.0, -2.0, 3.0, f32::INFINITY, 5.0];
         let mut samples = [9.0; 5];
-        gather_row::<1>(&mut samples, &row);
+        gather_row(&mut samples, &row, 1, valid);
         assert_eq!(samples.map(f32::to_bits), [1.0, NAN, 3.0, NAN, 5.0].map(f32::to_bits));
         let mut samples = [9.0; 3];
-        gather_row::<2>(&mut samples, &row);
+        gather_row(&mut samples, &row, 2, valid);
         assert_eq!(samples, [1.0, 3.0, 5.0]);
         let mut samples = [9.0; 2];
-        gather_row::<2>(&mut samples, &row[..4]);
+        gather_row(&mut samples, &row[..4], 2, valid);
         assert_eq!(samples, [1.0, 3.0]);
     }
 
