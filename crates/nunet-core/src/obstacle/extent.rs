@@ -7,7 +7,7 @@
 use std::f32::consts::{PI, TAU};
 
 use super::kind::SLOPE_ERROR;
-use super::sectors::{Direction, Sectors, length};
+use super::sectors::{Direction, Sectors, length, within_turn};
 use super::{Mount, ObstacleOptions};
 
 /// Lines per sector. An obstacle that fills a quarter of the sector meets one.
@@ -169,7 +169,7 @@ impl Lines {
     }
 
     fn polar(&self, [x, y]: [f32; 2]) -> Polar {
-        let angle = (y.atan2(x) - self.middle_rad + PI).rem_euclid(TAU) - PI;
+        let angle = within_turn(y.atan2(x) - self.middle_rad + PI) - PI;
         Polar { line: self.middle + angle * self.per_rad, range_m: length(x, y) }
     }
 

@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 
 use super::extent::{Extent, Lines, Plane};
 use super::ground::MAX_CANDIDATES;
-use super::sectors::{Direction, NONE, Sectors, length};
+use super::sectors::{Direction, NONE, Sectors, is_between, length, unit_vector, within_turn};
 use super::{Mount, ObstacleOptions};
 use crate::camera::RayTable;
 
@@ -27,6 +27,9 @@ const MAX_TANGENT: f32 = 4.0;
 /// If a camera sees no floor, rays above this elevation do not widen the field of view, because near the zenith the azimuth is
 /// undefined.
 const MAX_ELEVATION_TANGENT: f32 = 1.0;
+
+/// More than the rounding error of an angle.
+const SIDE_MARGIN_RAD: f32 = 1e-4;
 
 /// A piece of floor, seen by some samples.
 #[derive(Debug, Clone, Copy)]
@@ -121,13 +124,15 @@ impl View {
     /// more cells of the floor than before.
     pub(super) fn set_mount(&mut self, rays: &RayTable, mount: &Mount, options: &ObstacleOptions) {
         let mut work = std::mem::take(&mut self.work);
-        let rows = rays.rays().chunks(self.width.max(1)).step_by(self.stride);
         work.samples.clear();
         work.samples.reserve(self.rows * self.columns);
-        work.samples.extend(rows.flat_map(|row| row.iter().step_by(self.stride)).map(|&[x, y]| {
-            let direction = mount.direction([f64::from(x), f64::from(y), 1.0]);
-            [direction.x as f32, direction.y as f32, direction.z as f32]
-        }));
+        for row in rays.rays().chunks(self.width.max(1)).step_by(self.stride) {
+            work.samples.extend(row.chunks(self.stride).map(|pixels| {
+                let [x, y] = pixels[0].map(f64::from);
+                let direction = mount.direction([x, y, 1.0]);
+                [direction.x as f32, direction.y as f32, direction.z as f32]
+            }));
+        }
         let (angle_min_rad, angle_max_rad) = field_of_view(&work.samples, mount, options);
         self.sectors.set_angles(angle_min_rad, angle_max_rad);
         let pitch_rad = pitch(&work.samples, self.columns, &mut work.angles_rad);
@@ -252,13 +257,25 @@ fn field_of_view(samples: &[Direction], mount: &Mount, options: &ObstacleOptions
     // Tangent of the angle below the horizon at which the floor is at the largest range.
     let far = mount.height_m() as f32 / options.max_range_m;
     let within = |lowest: f32| {
-        let below = samples.iter().filter(move |&&[x, y, z]| -z >= lowest * length(x, y));
-        let angles = below.map(|&[x, y, _]| (y.atan2(x) - yaw + PI).rem_euclid(TAU) - PI);
-        angles.fold((f32::INFINITY, f32::NEG_INFINITY), |(min, max), angle| (min.min(angle), max.max(angle)))
+        let below = samples.iter().filter(|&&[x, y, z]| -z >= lowest * length(x, y));
+        let (mut min, mut max) = (f32::INFINITY, f32::NEG_INFINITY);
+        // Directions a little within both, once there are some. Those between them change nothing.
+        let mut sides = [[0.0; 2]; 2];
+        for &[x, y, _] in below {
+            if is_between([x, y], sides) {
+                continue;
+            }
+            let angle = within_turn(y.atan2(x) - yaw + PI) - PI;
+            if angle < min || angle > max {
+                (min, max) = (min.min(angle), max.max(angle));
+                sides = [min + SIDE_MARGIN_RAD, max - SIDE_MARGIN_RAD].map(|angle| unit_vector(yaw + angle));
+            }
+        }
+        (min, max)
     };
     let (mut min, mut max) = [far, -MAX_ELEVATION_TANGENT]
-        .map(within)
         .into_iter()
+        .map(within)
         .find(|(min, max)| min <= max)
         .unwrap_or_default();
     let sees_nadir = axis.z < -0.999;
