@@ -88,7 +88,11 @@ pub struct ReplayArgs {
 impl ReplayArgs {
     /// As checked values.
     pub(crate) fn options(self) -> anyhow::Result<replay::ReplayOptions> {
-        self.check_publish()?;
+        // They would be missing in the recording without a warning.
+        if self.publish.contains(&Publish::Obstacles) {
+            let hint = "pass --source IN.mcap --record OUT.mcap and --mount to `nunetd run` instead";
+            return Err(BadArguments::new("`replay` finds no obstacles").with_hint(hint).into());
+        }
         Ok(replay::ReplayOptions {
             camera: camera_name(&self.camera)?,
             frame_id: value(&self.frame_id).map(|FrameId(name)| name),
@@ -103,14 +107,5 @@ impl ReplayArgs {
             force: self.force,
             json: self.json,
         })
-    }
-
-    /// Refuses obstacles, which would be missing in the recording without a warning.
-    fn check_publish(&self) -> Result<(), BadArguments> {
-        if !self.publish.contains(&Publish::Obstacles) {
-            return Ok(());
-        }
-        let hint = "pass --source IN.mcap --record OUT.mcap and --mount to `nunetd run` instead";
-        Err(BadArguments::new("`replay` finds no obstacles").with_hint(hint))
     }
 }

@@ -18,8 +18,7 @@ pub(crate) struct Loans {
 }
 
 impl Loans {
-    /// The buffers for the pipeline. Labels are written into `spare_labels` if no reader or sink needs them; the confidence
-    /// stays in the pipeline then.
+    /// The buffers for the pipeline. Labels go into `spare_labels` if nobody needs them; the confidence stays inside then.
     pub(crate) fn outputs<'a>(
         &'a mut self,
         spare_labels: Option<&'a mut [u8]>,

@@ -58,11 +58,10 @@ impl FrameHandler for MailboxFiller<'_> {
     }
 
     fn on_lost(&mut self, frame: Frame) {
-        let StreamState { mailbox, ledger, .. } = self.state;
-        ledger.superseded(frame.superseded);
-        ledger.captured();
-        ledger.ended(FrameEnd::Failed);
-        mailbox.give_back(frame);
+        self.state.ledger.superseded(frame.superseded);
+        self.state.ledger.captured();
+        self.state.ledger.ended(FrameEnd::Failed);
+        self.state.mailbox.give_back(frame);
     }
 
     /// If the source lends no more frames, the waiting frame is dropped for a newer one. If none waits, the one being

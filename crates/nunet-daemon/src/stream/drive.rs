@@ -97,8 +97,7 @@ pub(crate) fn drive(
             stop.sleep(pacer.wait(Instant::now()));
         }
         let mut frame = handler.buffer();
-        // Its memory is reused, and only sources that replace frames state this.
-        frame.superseded = 0;
+        frame.superseded = 0; // its memory is reused, and few sources state this
         let fill = source.fill(&mut frame);
         next_is_due = fill.had_frame();
         left -= u64::from(fill.had_frame());

@@ -30,7 +30,7 @@ pub(crate) fn doctor(model: &Path, engine: EngineOptions, json: bool) -> anyhow:
     checks.add("orphans", orphans());
     checks.add("cache", cache());
     for (name, finding) in machine::checks() {
-        checks.add(&name, finding);
+        checks.add(name, finding);
     }
     checks.add("published", published().map_err(Problem::of));
     check_cameras(&mut checks);
@@ -170,7 +170,7 @@ fn check_cameras(checks: &mut Checks) {
             Some(hint) => Problem::of(WithHint::new(problem, hint)),
             None => Problem::of(anyhow::Error::msg(problem)),
         });
-        checks.add(&name, offer);
+        checks.add(name, offer);
     }
 }
 

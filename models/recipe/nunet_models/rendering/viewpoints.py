@@ -36,8 +36,8 @@ PLAIN_SHARE = 0.07
 
 
 @dataclass(frozen=True)
-class Look:
-    """How a camera looks at a thing, in ranges."""
+class ViewRange:
+    """Where a camera is that looks at a thing."""
 
     distance_m: tuple[float, float]
     rise_deg: tuple[float, float]
@@ -46,9 +46,9 @@ class Look:
     """Height of the thing above the floor."""
 
 
-LOOKS = {
-    NEAR: Look((0.3, 1.0), (-5, 65), (-math.inf, math.inf)),
-    SEATED: Look((0.4, 1.2), (0, 40), (0.68, 1.2)),
+RANGES = {
+    NEAR: ViewRange((0.3, 1.0), (-5, 65), (-math.inf, math.inf)),
+    SEATED: ViewRange((0.4, 1.2), (0, 40), (0.68, 1.2)),
 }
 
 
@@ -92,8 +92,8 @@ class ViewFinder:
         median_m = self.random.choice((0.0, 1.6, 2.2)) if wanted == STANDING else 0.0
         for _ in range(attempts):
             intrinsics = random_intrinsics(self.random)
-            look = LOOKS.get(wanted)
-            pose = self._at_thing(look) if look else self._free(low=wanted == LOW)
+            ranges = RANGES.get(wanted)
+            pose = self._at_thing(ranges) if ranges else self._free(low=wanted == LOW)
             if pose is not None and self._is_good(intrinsics, pose, median_m):
                 return View(wanted, intrinsics, pose)
         return None
@@ -115,7 +115,7 @@ class ViewFinder:
         wide = self.random.random() < 0.15
         return self.random.uniform(-30, 30) if wide else self.random.gauss(0, 2.5)
 
-    def _at_thing(self, look: Look) -> Matrix | None:
+    def _at_thing(self, ranges: ViewRange) -> Matrix | None:
         """Look at a thing; none if the attempt found no thing or no place for the camera."""
         random, (width, depth, _) = self.random, self.size
         target = None
@@ -127,14 +127,17 @@ class ViewFinder:
                 (random.gauss(0, 1), random.gauss(0, 1), random.gauss(-0.7, 0.6))
             ).normalized()
             hit, point, _, _, thing, _ = self.scene.ray_cast(self.depsgraph, start, aim)
-            low, high = look.target_m
+            low, high = ranges.target_m
             if hit and thing.pass_index not in SHELL and low <= point.z <= high:
                 target = point
                 break
         if target is None:
             return None
-        distance = random.uniform(*look.distance_m)
-        rise, around = math.radians(random.uniform(*look.rise_deg)), random.uniform(0, 2 * math.pi)
+        distance = random.uniform(*ranges.distance_m)
+        rise, around = (
+            math.radians(random.uniform(*ranges.rise_deg)),
+            random.uniform(0, 2 * math.pi),
+        )
         away = Vector(
             (math.cos(rise) * math.cos(around), math.cos(rise) * math.sin(around), math.sin(rise))
         )

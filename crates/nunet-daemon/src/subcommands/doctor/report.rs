@@ -18,11 +18,7 @@ pub(super) struct Problem {
 
 impl Problem {
     pub(super) fn new(detail: impl Into<String>, hint: impl Into<String>) -> Self {
-        let (detail, hint): (String, String) = (detail.into(), hint.into());
-        Self {
-            detail: printable::message(&detail).into_owned(),
-            hint: Some(printable::message(&hint).into_owned()),
-        }
+        Self { detail: detail.into(), hint: Some(hint.into()) }
     }
 
     /// The problem for an error.
@@ -48,13 +44,10 @@ struct Check {
 pub(super) struct Checks(Vec<Check>);
 
 impl Checks {
-    /// Adds a check. Names in it cannot add a line.
-    pub(super) fn add(&mut self, name: &str, finding: Finding) {
-        let name = printable::one_line(name).into_owned();
+    pub(super) fn add(&mut self, name: impl Into<String>, finding: Finding) {
+        let name = name.into();
         self.0.push(match finding {
-            Ok(detail) => {
-                Check { name, ok: true, detail: printable::one_line(&detail).into_owned(), hint: None }
-            }
+            Ok(detail) => Check { name, ok: true, detail, hint: None },
             Err(Problem { detail, hint }) => Check { name, ok: false, detail, hint },
         });
     }
@@ -72,12 +65,14 @@ impl Checks {
         format!("{json:#}")
     }
 
+    /// One line for each name, detail and hint, whatever stands in them.
     pub(super) fn text(&self) -> String {
         let line = |check: &Check| {
             let mark = if check.ok { "ok     " } else { "PROBLEM" };
-            let hint =
-                check.hint.as_ref().map(|hint| format!("\n          hint: {hint}")).unwrap_or_default();
-            format!("{mark}  {}: {}{hint}\n", check.name, check.detail)
+            let hint = check.hint.as_deref().map(printable::one_line);
+            let hint = hint.map(|hint| format!("\n          hint: {hint}")).unwrap_or_default();
+            let [name, detail] = [&check.name, &check.detail].map(|text| printable::one_line(text));
+            format!("{mark}  {name}: {detail}{hint}\n")
         };
         self.0.iter().map(line).collect()
     }
