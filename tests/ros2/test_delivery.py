@@ -29,8 +29,9 @@ def test_all_of_300_vga_frames_that_are_sent_arrive(start: object, receiver: Rec
     stamps = [stamp_of(message) for message in received]
     assert len(set(stamps)) == len(stamps)
     assert stamps == sorted(stamps)
-    # Messages that are in queues when nunetd ends may be lost; all earlier ones must arrive.
-    assert stats["ros2"]["sent"] - 30 <= len(received) <= stats["ros2"]["sent"], stats["ros2"]
+    # Messages that are in queues when nunetd ends may be lost; all earlier ones must arrive. The waiting frame may be
+    # sent after the stats are written.
+    assert stats["ros2"]["sent"] - 30 <= len(received) <= stats["ros2"]["sent"] + 1, stats["ros2"]
     first, last = (np.frombuffer(message.data, np.uint16) for message in (received[0], received[-1]))
     assert first.size == 640 * 480
     np.testing.assert_array_equal(first, last)
