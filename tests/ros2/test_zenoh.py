@@ -75,8 +75,9 @@ def test_every_topic_is_received_and_equals_the_results_of_its_frame(
         assert 0 < age_s < TIMEOUT_S
     # A slow subscriber's queue may be full.
     assert missing <= stats["ros2"]["not_taken"], stats["ros2"]
-    # Publishers count their messages from 1. All of these counts were handed to the network.
-    assert numbered <= stats["ros2"]["sent"], stats["ros2"]
+    # Publishers count their messages from 1. All of these were handed to the network, the last frame perhaps after the
+    # stats were written.
+    assert numbered <= stats["ros2"]["sent"] + len(TOPICS), stats["ros2"]
 
 
 def test_all_of_300_vga_frames_that_are_taken_arrive(start: object, router: Router, peer: ZenohReceiver) -> None:
