@@ -233,12 +233,18 @@ mod tests {
         assert!(matches!(roll(Clock::Media, now, 0), Err(NoAttitude::OtherClock { .. })));
     }
 
-    #[test]
-    fn a_sample_from_another_time_is_not_used() {
-        let camera = camera("attitude-stale");
-        let mut publisher = AttitudePublisher::create(&camera, Clock::Monotonic).unwrap();
+    /// A publisher that has not published yet, and its reader.
+    fn silent(name: &str) -> (AttitudePublisher, AttitudeReader) {
+        let camera = camera(name);
+        let publisher = AttitudePublisher::create(&camera, Clock::Monotonic).unwrap();
         let mut reader = AttitudeReader::new(&camera);
         assert!(matches!(reader.at(Clock::Monotonic, 0, 0), Err(NoAttitude::NotPublished)));
+        (publisher, reader)
+    }
+
+    #[test]
+    fn a_sample_from_another_time_is_not_used() {
+        let (mut publisher, mut reader) = silent("attitude-stale");
         publisher.publish(1_000_000_000, 0.1, 0.0).unwrap();
         for (nanos, is_near) in
             [(1_100_000_000, true), (900_000_000, true), (1_100_000_001, false), (0, false)]
@@ -252,10 +258,7 @@ mod tests {
 
     #[test]
     fn a_refused_time_does_not_stay_among_the_samples() {
-        let camera = camera("attitude-negative");
-        let mut publisher = AttitudePublisher::create(&camera, Clock::Monotonic).unwrap();
-        let mut reader = AttitudeReader::new(&camera);
-        assert!(matches!(reader.at(Clock::Monotonic, 0, 0), Err(NoAttitude::NotPublished)));
+        let (mut publisher, mut reader) = silent("attitude-negative");
         for nanos in [-1, i64::MIN] {
             let error = publisher.publish(nanos, 0.1, 0.0).unwrap_err();
             assert_eq!(error.kind(), IpcErrorKind::InvalidArgument, "{error}");
@@ -266,10 +269,7 @@ mod tests {
 
     #[test]
     fn degrees_and_nan_are_refused_by_the_publisher_and_by_the_reader() {
-        let camera = camera("attitude-degrees");
-        let mut publisher = AttitudePublisher::create(&camera, Clock::Monotonic).unwrap();
-        let mut reader = AttitudeReader::new(&camera);
-        assert!(matches!(reader.at(Clock::Monotonic, 0, 0), Err(NoAttitude::NotPublished)));
+        let (mut publisher, mut reader) = silent("attitude-degrees");
         for [roll_rad, pitch_rad] in [[90.0, 0.0], [0.0, f32::NAN], [0.0, f32::INFINITY]] {
             let error = publisher.publish(1, roll_rad, pitch_rad).unwrap_err();
             assert_eq!(error.kind(), IpcErrorKind::InvalidArgument, "{error}");
