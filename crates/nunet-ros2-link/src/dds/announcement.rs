@@ -13,9 +13,13 @@ const LIVELINESS: u16 = 0x001b;
 const DEADLINE: u16 = 0x0023;
 const PARTITION: u16 = 0x0029;
 const DISCOVERY_LOCATOR: u16 = 0x0032;
+const BUILT_IN_ENDPOINTS: u16 = 0x0058;
 const REPRESENTATION: u16 = 0x0073;
 const TYPE_INFORMATION: u16 = 0x0075;
 const DOMAIN_TAG: u16 = 0x4014;
+/// The readers and writers that announce participants, writers and readers (DDSI-RTPS 2.5, table 9.4). The transport
+/// carries no others.
+const CARRIED_ENDPOINTS: u32 = 0x3f;
 /// Parameters of vendors are ignored by others.
 const VENDOR_SPECIFIC: u8 = 0x80;
 
@@ -56,6 +60,18 @@ pub(super) fn simplify(payload: &mut [u8]) {
     }
 }
 
+/// Leaves a participant the readers and writers of discovery whose messages the transport carries. With others, as those
+/// of topics, the library would repeat messages forever that never arrive.
+pub(super) fn limit_endpoints(payload: &mut [u8]) {
+    let found: Vec<_> = parameters(payload, ENCAPSULATION_BYTES, true).collect();
+    for (_, _, value) in found.into_iter().filter(|(_, id, _)| *id == BUILT_IN_ENDPOINTS) {
+        let stated = payload.get_mut(value).and_then(|value| value.first_chunk_mut());
+        stated
+            .into_iter()
+            .for_each(|stated| *stated = (u32::from_le_bytes(*stated) & CARRIED_ENDPOINTS).to_le_bytes());
+    }
+}
+
 /// Makes the lease of a participant at least `seconds`.
 pub(super) fn extend_lease(payload: &mut [u8], seconds: i32) {
     let found: Vec<_> = parameters(payload, ENCAPSULATION_BYTES, true).collect();
@@ -84,4 +100,22 @@ fn address(locator: &[u8]) -> Option<SocketAddrV4> {
 /// 0x7fffffff seconds and 0xffffffff fractions of a second.
 fn ends_infinite(value: &[u8]) -> bool {
     value.ends_with(&[0xff, 0xff, 0xff, 0x7f, 0xff, 0xff, 0xff, 0xff])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_participant_keeps_the_endpoints_that_the_transport_carries() {
+        let payload = |endpoints: u32| {
+            let set = endpoints.to_le_bytes();
+            [&[0, 3, 0, 0, 0x16, 0, 4, 0, 1, 15, 0, 0, 0x58, 0, 4, 0][..], &set, &[1, 0, 0, 0]].concat()
+        };
+        for (stated, kept) in [(u32::MAX, 0x3f), (0x3000_f03f, 0x3f), (0x0c15, 0x15)] {
+            let mut changed = payload(stated);
+            limit_endpoints(&mut changed);
+            assert_eq!(changed, payload(kept));
+        }
+    }
 }

@@ -9,7 +9,9 @@ use dust_dds::transport::interface::WriteMessage;
 use dust_dds::transport::types::{LOCATOR_KIND_UDP_V4, Locator};
 
 use super::addresses::{OwnAddress, reachable};
+use super::announcement::limit_endpoints;
 use super::found::Found;
+use super::guard::participant_payload;
 use super::peers::{Outgoing, Peers};
 use super::rtps::understood_departure;
 
@@ -60,8 +62,12 @@ impl Sending {
         }
     }
 
-    fn announce(&self, length: usize) {
-        let datagram = self.buffer.get(..length).unwrap_or_default();
+    fn announce(&mut self, length: usize) {
+        let datagram = self.buffer.get_mut(..length).unwrap_or_default();
+        if let Some(payload) = participant_payload(datagram).and_then(|range| datagram.get_mut(range)) {
+            limit_endpoints(payload);
+        }
+        let datagram: &[u8] = datagram;
         let departure = understood_departure(datagram);
         let datagram = departure.as_deref().unwrap_or(datagram);
         let Announcements { groups, group, peers, found } = &self.announcements;
