@@ -66,6 +66,7 @@ def test_without_blender_the_error_names_the_package_to_install(monkeypatch, cap
         (["--rooms", "5", "--threads", "0"], "`--threads` is 0, expected 1 to 1024"),
         (["--rooms", "5", "--test-share", "1.5"], "`--test-share` is 1.5, expected 0 to 1"),
         (["--flat-images", "5", "--kinds", "office"], "`--kinds` is for `--rooms` alone"),
+        (["--flat-images", "5", "--view-kinds", "low"], "`--view-kinds` is for `--rooms` alone"),
     ],
 )
 def test_a_value_that_cannot_be_is_a_bad_argument(arguments, message, capsys, tmp_path):
@@ -258,6 +259,25 @@ def test_an_unknown_kind_of_room_is_a_bad_argument(tmp_path, capsys):
     assert main(["render", *arguments]) == 2
     assert "`--kinds` has `castle`, expected some of: living, " in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+@NEEDS_BLENDER
+def test_an_unknown_kind_of_view_is_a_bad_argument(tmp_path, capsys):
+    arguments = ["--rooms", "1", "--out", str(tmp_path / "out"), "--view-kinds", "low,high"]
+    assert main(["render", *arguments]) == 2
+    expected = "`--view-kinds` has `high`, expected some of: low, near, seated, standing"
+    assert expected in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+@NEEDS_BLENDER
+def test_views_of_one_kind_alone_can_be_drawn(tmp_path):
+    arguments = ["--rooms", "1", "--views", "3", "--samples", "1", "--view-kinds", "low"]
+    assert main(["render", "--out", str(tmp_path), *arguments]) == 0
+    with (tmp_path / "views.csv").open() as table:
+        views = list(csv.DictReader(table))
+    assert views
+    assert all(view["kind"] == "low" and 0.1 <= float(view["height_m"]) <= 0.4 for view in views)
 
 
 @NEEDS_BLENDER

@@ -61,6 +61,12 @@ def add_options(made: argparse.ArgumentParser) -> None:
         metavar="KIND,...",
         help="draw from these kinds of rooms alone (default: all but workplace)",
     )
+    rooms.add_argument(
+        "--view-kinds",
+        metavar="KIND,...",
+        help="draw from these kinds of views alone: low, near, seated, standing "
+        "(default: those of the kind of room)",
+    )
     made.set_defaults(carry_out=carry_out)
 
 
@@ -92,8 +98,13 @@ def _render_rooms(options: argparse.Namespace) -> None:
         wanted = generator.Options(rooms=options.flat_images, **values)
         _blender_module("flat_images").render_flat_images(wanted)
     else:
-        kinds = options.kinds.split(",") if options.kinds is not None else None
-        generator.render_rooms(generator.Options(rooms=options.rooms, **values).of_kinds(kinds))
+        kinds, view_kinds = _listed(options.kinds), _listed(options.view_kinds)
+        wanted = generator.Options(rooms=options.rooms, **values)
+        generator.render_rooms(wanted.of_kinds(kinds).of_view_kinds(view_kinds))
+
+
+def _listed(names: str | None) -> list[str] | None:
+    return names.split(",") if names is not None else None
 
 
 @contextlib.contextmanager
@@ -123,8 +134,9 @@ def validate(options: argparse.Namespace) -> None:
     _require_range("--views", options.views, 1, 100)
     _require_range("--samples", options.samples, 1, 4096)
     _require_range("--threads", options.threads, 1, 1024)
-    if options.kinds is not None and options.rooms is None:
-        raise OptionError("`--kinds` is for `--rooms` alone")
+    for flag, value in (("--kinds", options.kinds), ("--view-kinds", options.view_kinds)):
+        if value is not None and options.rooms is None:
+            raise OptionError(f"`{flag}` is for `--rooms` alone")
     if not 0 <= options.test_share <= 1:
         raise OptionError(f"`--test-share` is {options.test_share}, expected 0 to 1")
 

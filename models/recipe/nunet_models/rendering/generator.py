@@ -23,7 +23,7 @@ from nunet_models.rendering.intrinsics import Intrinsics
 from nunet_models.rendering.kinds import DEFAULT_KINDS, KINDS, build
 from nunet_models.rendering.scene import clear
 from nunet_models.rendering.sensor import Sensor
-from nunet_models.rendering.viewpoints import View, ViewFinder
+from nunet_models.rendering.viewpoints import VIEW_KINDS, View, ViewFinder
 
 LOG = logging.getLogger(__name__)
 SENSOR_NAME = "rendered"
@@ -44,6 +44,8 @@ class Options:
     threads: int = 1
     test_share: float = 0.1
     kinds: tuple[str, ...] = DEFAULT_KINDS
+    view_kinds: tuple[str, ...] | None = None
+    """None: those of the kind of room."""
 
     def of_kinds(self, names: Sequence[str] | None) -> Options:
         """The same with rooms of these kinds alone; None keeps the kinds."""
@@ -51,6 +53,21 @@ class Options:
             if name not in KINDS:
                 raise OptionError(f"`--kinds` has `{name}`, expected some of: {', '.join(KINDS)}")
         return self if names is None else replace(self, kinds=tuple(names))
+
+    def of_view_kinds(self, names: Sequence[str] | None) -> Options:
+        """The same with views of these kinds alone; None keeps the kinds."""
+        for name in names or ():
+            if name not in VIEW_KINDS:
+                expected = ", ".join(VIEW_KINDS)
+                raise OptionError(f"`--view-kinds` has `{name}`, expected some of: {expected}")
+        return self if names is None else replace(self, view_kinds=tuple(names))
+
+    def view_shares(self, room: Mapping[str, float]) -> Mapping[str, float]:
+        """How often each kind of view is drawn, from the shares of a kind of room."""
+        if self.view_kinds is None:
+            return room
+        shares = {kind: room.get(kind, 0.0) for kind in self.view_kinds}
+        return shares if any(shares.values()) else dict.fromkeys(self.view_kinds, 1.0)
 
 
 def render_rooms(options: Options) -> int:
@@ -69,7 +86,7 @@ def _render_room(name: str, folder: RoomsFolder, photos: list[str], options: Opt
     started = time.monotonic()
     clear()
     room, random = build(name, photos, options.kinds)
-    finder = ViewFinder(random, room.size, room.views)
+    finder = ViewFinder(random, room.size, options.view_shares(room.views))
     views = [view for _ in range(options.views) if (view := finder.find())]
     if not views:
         LOG.warning("%s (%s): no view found", name, room.kind)

@@ -16,7 +16,7 @@ from nunet_models.rendering.folder import Placement
 from nunet_models.rendering.intrinsics import Intrinsics, random_intrinsics
 from nunet_models.rendering.shapes import CLASSES
 
-LOW, NEAR, SEATED, STANDING = "low", "near", "seated", "standing"
+VIEW_KINDS = LOW, NEAR, SEATED, STANDING = "low", "near", "seated", "standing"
 SHARES = {LOW: 0.34, NEAR: 0.3, STANDING: 0.36}
 SHELL = tuple(CLASSES.index(name) + 1 for name in ("wall", "floor", "ceiling", "window"))
 COLUMNS, ROWS = 16, 12
