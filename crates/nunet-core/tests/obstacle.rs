@@ -533,7 +533,7 @@ proptest! {
             let image = DepthImage { depth_m: &depth_m, labels: Some(&labels), confidence: Some(&labels) };
             let found = detector.detect(&image, 0).unwrap();
             prop_assert!(found.points.len() <= max_points && found.sectors.len() == sectors);
-            prop_assert!(found.sectors.iter().all(|sector| sector.range_m >= 0.0 && sector.range_m <= 5.1));
+            prop_assert!(found.sectors.iter().all(|sector| (0.0..=5.0).contains(&sector.range_m)));
         }
     }
 }

@@ -37,7 +37,13 @@ enum End {
 }
 
 /// Fills all sectors from the points of obstacles and the cells of the floor.
-pub(super) fn fill(view: &View, votes: &[Votes], hits: &mut Hits, sectors: &mut [ObstacleSector]) {
+pub(super) fn fill(
+    view: &View,
+    votes: &[Votes],
+    hits: &mut Hits,
+    max_range_m: f32,
+    sectors: &mut [ObstacleSector],
+) {
     hits.fill(sectors);
     for (index, sector) in sectors.iter_mut().enumerate() {
         let cells = view.cells_of(index);
@@ -46,7 +52,7 @@ pub(super) fn fill(view: &View, votes: &[Votes], hits: &mut Hits, sectors: &mut 
         let in_view = view.extents[index].limit(near_m, view.cell_growth);
         sector.seen_from_m = in_view.from_m;
         let floor = floor.within(in_view.until_m);
-        let (state, range_m) = conclude(sector, floor, view.cell_growth);
+        let (state, range_m) = conclude(sector, floor, view.cell_growth, max_range_m);
         (sector.state, sector.range_m) = (state.into(), range_m);
     }
 }
@@ -71,7 +77,12 @@ fn free_floor(cells: &[Cell], votes: &[Votes]) -> FreeFloor {
 ///
 /// The nearest point decides. An obstacle counts only if the floor is free up to it. Otherwise the direction is unknown from
 /// the end of the free floor on.
-fn conclude(sector: &ObstacleSector, floor: FreeFloor, cell_growth: f32) -> (SectorState, f32) {
+fn conclude(
+    sector: &ObstacleSector,
+    floor: FreeFloor,
+    cell_growth: f32,
+    max_range_m: f32,
+) -> (SectorState, f32) {
     let seen_from_m = if sector.seen_from_m.is_nan() { f32::INFINITY } else { sector.seen_from_m };
     let deceptive_m = sector.range_m;
     let FreeFloor { free_m, end } = floor;
@@ -86,7 +97,9 @@ fn conclude(sector: &ObstacleSector, floor: FreeFloor, cell_growth: f32) -> (Sec
         return (SectorState::Occupied, obstacle_m);
     }
     match end {
-        End::Drop => (SectorState::Drop, if free_m > 0.0 { free_m } else { seen_from_m }),
+        End::Drop if free_m > 0.0 => (SectorState::Drop, free_m),
+        // The whole width may come into view only beyond the range, but the floor is missing within it.
+        End::Drop => (SectorState::Drop, seen_from_m.min(max_range_m)),
         End::OutOfRange if free_m > 0.0 => (SectorState::Free, free_m),
         End::OutOfRange | End::Covered => (SectorState::Unknown, free_m),
     }
@@ -155,6 +168,8 @@ impl Memory {
 mod tests {
     use super::*;
 
+    const RANGE_M: f32 = 5.0;
+
     fn walk(samples: &[(u32, u32, u32)]) -> FreeFloor {
         let cells: Vec<Cell> = samples.iter().map(|&(samples, ..)| Cell { samples, near_m: 1.0 }).collect();
         let votes: Vec<Votes> = samples
@@ -185,13 +200,13 @@ mod tests {
         assert_eq!(floor.within(1.5), FreeFloor { free_m: 1.5, end: End::OutOfRange });
         assert_eq!(floor.within(f32::INFINITY), floor);
         let nothing = floor.within(0.0);
-        assert_eq!(conclude(&ObstacleSector::UNKNOWN, nothing, 0.01).0, SectorState::Unknown);
+        assert_eq!(conclude(&ObstacleSector::UNKNOWN, nothing, 0.01, RANGE_M).0, SectorState::Unknown);
     }
 
     fn state(obstacle_m: f32, deceptive_m: f32, free_m: f32, end: End) -> (SectorState, f32) {
         let sector =
             ObstacleSector { obstacle_m, range_m: deceptive_m, seen_from_m: 0.5, ..ObstacleSector::UNKNOWN };
-        conclude(&sector, FreeFloor { free_m, end }, 0.01)
+        conclude(&sector, FreeFloor { free_m, end }, 0.01, RANGE_M)
     }
 
     #[test]
@@ -208,6 +223,13 @@ mod tests {
         assert_eq!(state(f32::NAN, NONE, 0.0, End::Drop), (SectorState::Drop, 0.5));
         assert_eq!(state(f32::NAN, NONE, 0.0, End::OutOfRange), (SectorState::Unknown, 0.0));
         assert_eq!(state(f32::NAN, 1.5, 4.9, End::OutOfRange), (SectorState::Unknown, 1.5));
+    }
+
+    #[test]
+    fn a_drop_is_within_the_range_also_if_its_sector_is_in_view_only_beyond() {
+        let sector = ObstacleSector { range_m: f32::INFINITY, seen_from_m: 5.12, ..ObstacleSector::UNKNOWN };
+        let missing = FreeFloor { free_m: 0.0, end: End::Drop };
+        assert_eq!(conclude(&sector, missing, 0.01, RANGE_M), (SectorState::Drop, RANGE_M));
     }
 
     fn occupied(range_m: f32) -> ObstacleSector {

@@ -234,7 +234,9 @@ impl ObstacleDetector {
         }
         self.obstacles.ground = Ground { floor_fraction: self.scan.floor_fraction(), ..ground };
         self.collector.voxels.take(self.options.max_points, &mut self.obstacles.points);
-        directions::fill(&self.view, &self.scan.votes, &mut self.collector.hits, &mut self.obstacles.sectors);
+        let sectors = &mut self.obstacles.sectors;
+        let max_range_m = self.options.max_range_m;
+        directions::fill(&self.view, &self.scan.votes, &mut self.collector.hits, max_range_m, sectors);
         self.memory.update(&mut self.obstacles.sectors, time_nanos);
         Ok(&self.obstacles)
     }
