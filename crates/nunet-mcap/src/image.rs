@@ -73,7 +73,8 @@ impl RecordedImage {
     pub fn depth_m(&self) -> Vec<f32> {
         let rows = self.data.chunks_exact(self.row_stride.max(1) as usize);
         let width = self.width as usize;
-        let known = |meters: f32| if meters > 0.0 { meters } else { f32::NAN };
+        // Infinity is none, too: in ROS it means too far to be measured.
+        let known = |meters: f32| if meters > 0.0 && meters.is_finite() { meters } else { f32::NAN };
         match self.encoding {
             Some(ImageEncoding::DepthMeters) => rows
                 .flat_map(|row| {
@@ -227,9 +228,9 @@ mod tests {
         assert_eq!(millimeters[0], 2.0);
         assert!(millimeters[1].is_nan());
         let bytes: Vec<u8> =
-            [1.5_f32, f32::NAN, 0.0].iter().flat_map(|meters| meters.to_le_bytes()).collect();
-        let meters = set("32FC1", (3, 1), 12, &bytes).unwrap().depth_m();
-        assert_eq!((meters[0], meters[1].is_nan(), meters[2].is_nan()), (1.5, true, true));
+            [1.5_f32, f32::NAN, 0.0, f32::INFINITY].iter().flat_map(|meters| meters.to_le_bytes()).collect();
+        let meters = set("32FC1", (4, 1), 16, &bytes).unwrap().depth_m();
+        assert!(meters[0] == 1.5 && meters[1..].iter().all(|meters| meters.is_nan()), "{meters:?}");
         assert!(set("mono8", (1, 1), 1, &[1]).unwrap().depth_m().is_empty());
     }
 
@@ -325,6 +326,10 @@ mod tests {
             let depth_m = image.depth_m();
             assert!(depth_m[0].is_nan() && depth_m[1] == 1.5, "{format}: {depth_m:?}");
         }
+        // Its inverse depth is that of infinity.
+        let message = [&[0; 4][..], &100_f32.to_le_bytes(), &1500_f32.to_le_bytes(), &png].concat();
+        image.set_file(&message, "32FC1; compressedDepth png", Purpose::Depth).unwrap();
+        assert!(image.depth_m().iter().all(|meters| meters.is_nan()), "{:?}", image.depth_m());
         let error = image.set_file(&png, "32FC1; png compressed ", Purpose::Depth).unwrap_err();
         assert!(error.contains("has no unit"), "{error}");
         image.set_file(&png, "16UC1; png compressed ", Purpose::Infrared).unwrap();
