@@ -8,7 +8,7 @@ use std::ops::Range;
 use dust_dds::rtps::message_receiver::MessageReceiver;
 use dust_dds::rtps_messages::overall_structure::RtpsMessageRead;
 
-use super::announcement::{is_sound, simplify};
+use super::announcement::{is_sound, limit_endpoints, simplify};
 use super::rtps::{
     ACKNACK, DATA, DATA_FRAG, FLAG_DATA, FLAG_INLINE_QOS, FLAG_KEY, FLAG_LITTLE_ENDIAN, GAP, HEADER_BYTES,
     HEARTBEAT, HEARTBEAT_FRAG, INFO_DESTINATION, INFO_TIMESTAMP, NACK_FRAG, PAD, SENTINEL,
@@ -94,6 +94,7 @@ fn hide_in_announcement(body: &mut [u8], flags: u8) {
         && let Some(payload) = body.get_mut(start..)
     {
         simplify(payload);
+        limit_endpoints(payload);
     }
 }
 

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use tracing::debug;
 
 use super::addresses::{OwnAddress, is_own, reachable};
-use super::announcement::{discovery_addresses, extend_lease, limit_endpoints};
+use super::announcement::{discovery_addresses, extend_lease};
 use super::found::Found;
 use super::guard::{hide_misunderstood, is_acceptable, participant_payload};
 use super::health::Library;
@@ -76,7 +76,6 @@ impl Receiving {
                 |address: &SocketAddrV4| address.port() == self.own_port && is_own(*address.ip(), &self.own);
             let address = reachable(&discovery_addresses(payload), &self.own);
             address.into_iter().filter(|address| !is_self(address)).for_each(|one| self.found.add(one, now));
-            limit_endpoints(payload);
             if self.peers.has_readers(peer) {
                 extend_lease(payload, LEASE_SECONDS);
             }

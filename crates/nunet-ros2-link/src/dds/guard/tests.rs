@@ -115,6 +115,16 @@ fn what_the_library_misunderstands_is_hidden_and_nothing_else() {
     assert_eq!(parameters, [(0x23, 0x80), (0x75, 0x80)], "not a finite liveliness: {changed:?}");
 }
 
+/// Also of a participant that another announcement precedes.
+#[test]
+fn of_participants_the_library_sees_the_endpoints_that_the_transport_carries() {
+    let mut sent = [reader(PEER), participant(PEER).split_off(HEADER_BYTES)].concat();
+    let place = sent.windows(4).position(|bytes| bytes == [0x58, 0, 4, 0]).unwrap() + 4;
+    assert_eq!(sent[place..place + 4], [0x3f, 0x0c, 0, 0]);
+    hide_misunderstood(&mut sent);
+    assert_eq!(sent[place..place + 4], [0x3f, 0, 0, 0]);
+}
+
 #[test]
 fn what_ros_sends_gets_through() {
     for sent in [participant(PEER), reader(PEER)].iter().chain(&others(PEER)) {
