@@ -230,7 +230,11 @@ impl Link for DdsLink {
             samples => samples.map_err(failed("list publishers"))?,
         };
         let publications = samples.iter().filter_map(|sample| sample.data.as_ref());
-        let named = publications.filter(|publication| publication.topic_name() == name);
+        // By multicast, this participant receives its own announcements too.
+        let own: Identifier = self.participant.get_instance_handle().into();
+        let is_own = |writer: Identifier| writer.first_chunk::<12>() == own.first_chunk::<12>();
+        let of_others = publications.filter(|publication| !is_own(publication.key().value));
+        let named = of_others.filter(|publication| publication.topic_name() == name);
         let types: BTreeSet<_> = named.map(|publication| ros_type(publication.get_type_name())).collect();
         Ok(types.into_iter().collect())
     }
@@ -294,9 +298,40 @@ impl MessagePublisher for TopicPublisher {
 
 #[cfg(test)]
 mod tests {
+    use std::net::{Ipv4Addr, UdpSocket};
+
+    use super::super::addresses::{MAX_PARTICIPANTS, discovery_port};
+    use super::super::sending::MAX_DATAGRAM_BYTES;
     use super::*;
 
     const TIMEOUT: Duration = Duration::from_secs(60);
+
+    /// Its own announcement is sent back to it, as by multicast.
+    #[test]
+    fn a_participant_that_finds_itself_is_no_other_node() {
+        let (domain, range) = (84, DiscoveryRange::Localhost);
+        let mirror =
+            UdpSocket::bind((Ipv4Addr::LOCALHOST, discovery_port(domain, MAX_PARTICIPANTS - 1))).unwrap();
+        mirror.set_read_timeout(Some(TIMEOUT)).unwrap();
+        let link = DdsLink::open(&Environment { domain, range, ..Environment::default() }).unwrap();
+        let endpoint = Endpoint { topic: "/front/scan", message_type: MessageType::LaserScan };
+        let delivery = Delivery { depth: 1, is_kept: false };
+        let _publisher = link.publisher("nunetd_front", &endpoint, delivery).unwrap();
+        let has_found_itself = || {
+            let alive = &[InstanceStateKind::Alive];
+            let found = link.publications.read(MAX_PUBLICATIONS, ANY_SAMPLE_STATE, ANY_VIEW_STATE, alive);
+            let found = found.unwrap_or_default();
+            let mut found = found.iter().filter_map(|sample| sample.data.as_ref());
+            found.any(|publication| publication.topic_name() == dds_name(endpoint.topic))
+        };
+        let (start, mut buffer) = (Instant::now(), vec![0; MAX_DATAGRAM_BYTES]);
+        while !has_found_itself() {
+            assert!(start.elapsed() < TIMEOUT, "it does not find itself");
+            let (length, from) = mirror.recv_from(&mut buffer).unwrap();
+            mirror.send_to(&buffer[..length], from).unwrap();
+        }
+        assert_eq!(link.published_types(endpoint.topic).unwrap(), Vec::<String>::new());
+    }
 
     #[test]
     fn once_the_library_has_ended_messages_for_its_subscribers_are_not_taken_and_the_problem_is_stated() {
