@@ -11,7 +11,7 @@ pub(super) struct ConfidenceMap {
     /// `[H, W]` at the size of the results; empty without decimation, and for a network without confidence.
     reduced: Vec<u8>,
     /// Whether the last one was written into the caller's memory.
-    is_left: bool,
+    pub(super) is_left: bool,
 }
 
 impl ConfidenceMap {
@@ -21,8 +21,8 @@ impl ConfidenceMap {
         Self { reduced: vec![0; pixels], is_left: false }
     }
 
-    /// Adapts the confidence in `memory`, else the one that `network` kept, to depth after the filters. With decimation, it
-    /// is the mean of each block.
+    /// Adapts the confidence in `memory`, else the one that `network` kept, to filtered depth. It is adapted to decoded depth
+    /// already. With decimation, it is the mean of each block.
     pub(super) fn finish(
         &mut self,
         network: &mut Network,
@@ -30,7 +30,6 @@ impl ConfidenceMap {
         memory: Option<&mut [u8]>,
         depth: &[f32],
     ) -> Result<(), FilterError> {
-        self.is_left = memory.is_some();
         let Some(decimation) = decimation else {
             if let Some(values) = memory.or(network.confidence_mut()) {
                 blank(values, depth);
