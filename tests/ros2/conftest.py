@@ -127,9 +127,10 @@ def start_on(tmp_path: Path) -> Iterator[Callable[..., Daemon]]:
     started: list[subprocess.Popen] = []
 
     def begin(source: str, *arguments: str, env: dict[str, str] | None = None, ros2: str = "dds") -> Daemon:
-        out, log = tmp_path / "out", tmp_path / "log"
+        number = len(started)
+        out, log = tmp_path / f"out{number}", tmp_path / f"log{number}"
         out.mkdir()
-        camera = f"ros{os.getpid()}"
+        camera = f"ros{os.getpid()}" + (f"_{number}" if number else "")
         command = [
             nunetd(), "run", "--source", source, "--camera", camera,
             "--ros2", ros2, "--out", str(out), "--stats-json", str(out / "stats.json"),
