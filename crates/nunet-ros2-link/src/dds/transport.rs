@@ -137,12 +137,12 @@ fn group_sender(interface: Ipv4Addr) -> io::Result<UdpSocket> {
 impl TransportParticipantFactory for UdpTransport {
     fn create_participant(&self, _domain: i32, receiver: TransportDataReceiver) -> RtpsTransportParticipant {
         let taken = self.sockets.lock().unwrap_or_else(PoisonError::into_inner).take();
-        match taken.map(|sockets| sockets.start(receiver, self.shared())) {
-            Some(Ok(participant)) => participant,
-            Some(Err(_)) | None => {
-                participant_of(Box::new(Nowhere(Vec::new())), [Vec::new(), Vec::new(), Vec::new()])
-            }
+        let started = taken.map(|sockets| sockets.start(receiver, self.shared())).transpose();
+        if let Err(error) = &started {
+            self.shared.health.end(&format!("a socket or thread cannot be used: {error}"));
         }
+        let nowhere = || participant_of(Box::new(Nowhere(Vec::new())), [Vec::new(), Vec::new(), Vec::new()]);
+        started.ok().flatten().unwrap_or_else(nowhere)
     }
 }
 
