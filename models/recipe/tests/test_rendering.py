@@ -265,19 +265,19 @@ def test_an_unknown_kind_of_room_is_a_bad_argument(tmp_path, capsys):
 def test_an_unknown_kind_of_view_is_a_bad_argument(tmp_path, capsys):
     arguments = ["--rooms", "1", "--out", str(tmp_path / "out"), "--view-kinds", "low,high"]
     assert main(["render", *arguments]) == 2
-    expected = "`--view-kinds` has `high`, expected some of: low, near, seated, standing"
+    expected = "`--view-kinds` has `high`, expected some of: low, driving, near, seated, standing"
     assert expected in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 
 @NEEDS_BLENDER
 def test_views_of_one_kind_alone_can_be_drawn(tmp_path):
-    arguments = ["--rooms", "1", "--views", "3", "--samples", "1", "--view-kinds", "low"]
+    arguments = ["--rooms", "1", "--views", "6", "--samples", "1", "--view-kinds", "low,driving"]
     assert main(["render", "--out", str(tmp_path), *arguments]) == 0
     with (tmp_path / "views.csv").open() as table:
         views = list(csv.DictReader(table))
-    assert views
-    assert all(view["kind"] == "low" and 0.1 <= float(view["height_m"]) <= 0.4 for view in views)
+    assert {view["kind"] for view in views} == {"low", "driving"}
+    assert all(0.1 <= float(view["height_m"]) <= 0.4 for view in views)
 
 
 @NEEDS_BLENDER

@@ -64,7 +64,7 @@ def add_options(made: argparse.ArgumentParser) -> None:
     rooms.add_argument(
         "--view-kinds",
         metavar="KIND,...",
-        help="draw from these kinds of views alone: low, near, seated, standing "
+        help="draw from these kinds of views alone: low, driving, near, seated, standing "
         "(default: those of the kind of room)",
     )
     made.set_defaults(carry_out=carry_out)

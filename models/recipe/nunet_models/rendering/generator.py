@@ -55,19 +55,18 @@ class Options:
         return self if names is None else replace(self, kinds=tuple(names))
 
     def of_view_kinds(self, names: Sequence[str] | None) -> Options:
-        """The same with views of these kinds alone; None keeps the kinds."""
+        """The same with views of these kinds alone, equally often; None keeps the kinds."""
         for name in names or ():
             if name not in VIEW_KINDS:
                 expected = ", ".join(VIEW_KINDS)
                 raise OptionError(f"`--view-kinds` has `{name}`, expected some of: {expected}")
-        return self if names is None else replace(self, view_kinds=tuple(names))
+        if names is None:
+            return self
+        return replace(self, view_kinds=tuple(kind for kind in VIEW_KINDS if kind in names))
 
     def view_shares(self, room: Mapping[str, float]) -> Mapping[str, float]:
-        """How often each kind of view is drawn, from the shares of a kind of room."""
-        if self.view_kinds is None:
-            return room
-        shares = {kind: room.get(kind, 0.0) for kind in self.view_kinds}
-        return shares if any(shares.values()) else dict.fromkeys(self.view_kinds, 1.0)
+        """How often each kind of view is drawn, where a kind of room has these shares."""
+        return room if self.view_kinds is None else dict.fromkeys(self.view_kinds, 1.0)
 
 
 def render_rooms(options: Options) -> int:

@@ -16,7 +16,7 @@ from nunet_models.rendering.folder import Placement
 from nunet_models.rendering.intrinsics import Intrinsics, random_intrinsics
 from nunet_models.rendering.shapes import CLASSES
 
-VIEW_KINDS = LOW, NEAR, SEATED, STANDING = "low", "near", "seated", "standing"
+VIEW_KINDS = LOW, DRIVING, NEAR, SEATED, STANDING = "low", "driving", "near", "seated", "standing"
 SHARES = {LOW: 0.34, NEAR: 0.3, STANDING: 0.36}
 SHELL = tuple(CLASSES.index(name) + 1 for name in ("wall", "floor", "ceiling", "window"))
 COLUMNS, ROWS = 16, 12
@@ -31,6 +31,7 @@ MIN_SPREAD = 1.2
 
 MIN_THINGS = 7
 """Number of different objects that a view's rays must hit."""
+MIN_THINGS_DRIVING = 4
 PLAIN_SHARE = 0.07
 """Share of views that may show fewer: cameras do look at bare walls."""
 
@@ -46,6 +47,8 @@ class ViewRange:
     """Height of the thing above the floor."""
 
 
+DRIVING_M = ((0.3, 1.5), (0.0, 0.8))
+"""How far ahead of a driving robot the thing is, and how high it is hit."""
 RANGES = {
     NEAR: ViewRange((0.3, 1.0), (-5, 65), (-math.inf, math.inf)),
     SEATED: ViewRange((0.4, 1.2), (0, 40), (0.68, 1.2)),
@@ -92,18 +95,24 @@ class ViewFinder:
         median_m = self.random.choice((0.0, 1.6, 2.2)) if wanted == STANDING else 0.0
         for _ in range(attempts):
             intrinsics = random_intrinsics(self.random)
-            ranges = RANGES.get(wanted)
-            pose = self._at_thing(ranges) if ranges else self._free(low=wanted == LOW)
-            if pose is not None and self._is_good(intrinsics, pose, median_m):
+            pose = self._pose(wanted)
+            things = MIN_THINGS_DRIVING if wanted == DRIVING else MIN_THINGS
+            if pose is not None and self._is_good(intrinsics, pose, median_m, things):
                 return View(wanted, intrinsics, pose)
         return None
+
+    def _pose(self, kind: str) -> Matrix | None:
+        if kind == DRIVING:
+            return self._before_thing()
+        ranges = RANGES.get(kind)
+        return self._at_thing(ranges) if ranges else self._free(low=kind == LOW)
 
     def _free(self, *, low: bool) -> Matrix:
         random, (width, depth, height) = self.random, self.size
         margin = 0.2
         x, y = random.uniform(margin, width - margin), random.uniform(margin, depth - margin)
         if low:
-            z, pitch = random.uniform(0.1, 0.4), random.gauss(2, 7)
+            z, pitch = self._robot()
         else:
             z, pitch = random.uniform(0.4, min(1.9, height - 0.2)), random.gauss(-8, 10)
         if random.random() < 0.1:
@@ -111,26 +120,17 @@ class ViewFinder:
         rotation = turned(random.uniform(0, 360), max(-30, min(30, pitch)), self._roll())
         return Matrix.Translation((x, y, z)) @ rotation
 
+    def _robot(self) -> tuple[float, float]:
+        """Height and pitch of a robot's camera."""
+        return self.random.uniform(0.1, 0.4), self.random.gauss(2, 7)
+
     def _roll(self) -> float:
         wide = self.random.random() < 0.15
         return self.random.uniform(-30, 30) if wide else self.random.gauss(0, 2.5)
 
     def _at_thing(self, ranges: ViewRange) -> Matrix | None:
         """Look at a thing; none if the attempt found no thing or no place for the camera."""
-        random, (width, depth, _) = self.random, self.size
-        target = None
-        for _ in range(12):
-            start = Vector(
-                (random.uniform(0, width), random.uniform(0, depth), random.uniform(0.3, 1.9))
-            )
-            aim = Vector(
-                (random.gauss(0, 1), random.gauss(0, 1), random.gauss(-0.7, 0.6))
-            ).normalized()
-            hit, point, _, _, thing, _ = self.scene.ray_cast(self.depsgraph, start, aim)
-            low, high = ranges.target_m
-            if hit and thing.pass_index not in SHELL and low <= point.z <= high:
-                target = point
-                break
+        random, target = self.random, self._thing(ranges.target_m)
         if target is None:
             return None
         distance = random.uniform(*ranges.distance_m)
@@ -142,10 +142,7 @@ class ViewFinder:
             (math.cos(rise) * math.cos(around), math.cos(rise) * math.sin(around), math.sin(rise))
         )
         eye = target + distance * away
-        inside = all(
-            0.08 < value < limit - 0.08 for value, limit in zip(eye, self.size, strict=True)
-        )
-        if not inside:
+        if not self._is_inside(eye):
             return None
         yaw = math.degrees(math.atan2(away.x, -away.y))
         pitch = -math.degrees(rise)
@@ -153,7 +150,43 @@ class ViewFinder:
             yaw + random.gauss(0, 6), pitch + random.gauss(0, 6), self._roll()
         )
 
-    def _is_good(self, intrinsics: Intrinsics, pose: Matrix, min_median_m: float) -> bool:
+    def _before_thing(self) -> Matrix | None:
+        """As a robot sees a thing that it drives to; none if the attempt found no thing or place."""
+        random, (distance_m, target_m) = self.random, DRIVING_M
+        target = self._thing(target_m)
+        if target is None:
+            return None
+        around, distance = random.uniform(0, 2 * math.pi), random.uniform(*distance_m)
+        away = Vector((math.cos(around), math.sin(around), 0))
+        eye = target + distance * away
+        eye.z, pitch = self._robot()
+        if not self._is_inside(eye):
+            return None
+        yaw = math.degrees(math.atan2(away.x, -away.y)) + random.gauss(0, 15)
+        return Matrix.Translation(eye) @ turned(yaw, pitch, self._roll())
+
+    def _thing(self, height_m: tuple[float, float]) -> Vector | None:
+        """A random point of a thing at a height in this range."""
+        random, (width, depth, _) = self.random, self.size
+        low, high = height_m
+        for _ in range(12):
+            start = Vector(
+                (random.uniform(0, width), random.uniform(0, depth), random.uniform(0.3, 1.9))
+            )
+            aim = Vector(
+                (random.gauss(0, 1), random.gauss(0, 1), random.gauss(-0.7, 0.6))
+            ).normalized()
+            hit, point, _, _, thing, _ = self.scene.ray_cast(self.depsgraph, start, aim)
+            if hit and thing.pass_index not in SHELL and low <= point.z <= high:
+                return point
+        return None
+
+    def _is_inside(self, eye: Vector) -> bool:
+        return all(0.08 < value < limit - 0.08 for value, limit in zip(eye, self.size, strict=True))
+
+    def _is_good(
+        self, intrinsics: Intrinsics, pose: Matrix, min_median_m: float, min_things: int
+    ) -> bool:
         eye, rotation = pose.translation, pose.to_3x3()
         columns = np.linspace(0, intrinsics.width - 1, COLUMNS)
         rows = np.linspace(0, intrinsics.height - 1, ROWS)
@@ -178,7 +211,7 @@ class ViewFinder:
                     continue
                 things.add(thing.name)
                 depths.append((point - eye).length / length)
-        if len(things) < MIN_THINGS and self.random.random() > PLAIN_SHARE:
+        if len(things) < min_things and self.random.random() > PLAIN_SHARE:
             return False
         low, median, high = np.percentile(depths, (5, 50, 95))
         near = np.mean(np.array(depths) < TOO_NEAR_M)
