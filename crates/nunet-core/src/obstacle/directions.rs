@@ -2,6 +2,7 @@
 
 use nunet_types::{ObstacleSector, SectorState};
 
+use super::contact::{Contact, MinHeight};
 use super::hits::Hits;
 use super::scan::Votes;
 use super::sectors::Sectors;
@@ -42,18 +43,31 @@ pub(super) fn fill(
     votes: &[Votes],
     hits: &mut Hits,
     max_range_m: f32,
+    things: Option<MinHeight>,
     sectors: &mut [ObstacleSector],
 ) {
     hits.fill(sectors);
     for (index, sector) in sectors.iter_mut().enumerate() {
         let cells = view.cells_of(index);
-        let floor = free_floor(&view.cells[cells.clone()], &votes[cells.clone()]);
+        let (seen, votes) = (&view.cells[cells.clone()], &votes[cells.clone()]);
+        let floor = free_floor(seen, votes);
+        if let Some(contact) = things.and_then(|min_height| min_height.nearest(seen, votes)) {
+            add(sector, contact);
+        }
         let near_m = view.cells[cells].first().map_or(f32::NAN, |cell| cell.near_m);
         let in_view = view.extents[index].limit(near_m, view.cell_growth);
         sector.seen_from_m = in_view.from_m;
         let floor = floor.within(in_view.until_m);
         let (state, range_m) = conclude(sector, floor, view.cell_growth, max_range_m);
         (sector.state, sector.range_m) = (state.into(), range_m);
+    }
+}
+
+/// Takes a thing that the labels show, if no obstacle is nearer.
+fn add(sector: &mut ObstacleSector, Contact { range_m, height_m, label }: Contact) {
+    if sector.obstacle_m.is_nan() || sector.obstacle_m > range_m {
+        (sector.obstacle_m, sector.label) = (range_m, label);
+        (sector.min_height_m, sector.max_height_m) = (0.0, height_m);
     }
 }
 
@@ -171,7 +185,8 @@ mod tests {
     const RANGE_M: f32 = 5.0;
 
     fn walk(samples: &[(u32, u32, u32)]) -> FreeFloor {
-        let cells: Vec<Cell> = samples.iter().map(|&(samples, ..)| Cell { samples, near_m: 1.0 }).collect();
+        let cells: Vec<Cell> =
+            samples.iter().map(|&(samples, ..)| Cell { samples, near_m: 1.0, tangent: 0.5 }).collect();
         let votes: Vec<Votes> = samples
             .iter()
             .enumerate()
@@ -179,6 +194,7 @@ mod tests {
                 floor,
                 drop,
                 far_squared: ((index + 1) as f32).powi(2),
+                ..Votes::default()
             })
             .collect();
         free_floor(&cells, &votes)

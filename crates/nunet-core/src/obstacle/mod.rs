@@ -8,7 +8,8 @@
 //! 2. Each sample shows floor, an obstacle (higher than the clearance, lower than the robot), a deceptive surface
 //!    (window, mirror, screen), missing floor, or nothing.
 //! 3. *Obstacle points*: isolated samples and those on a depth edge are removed, the others are reduced to one per cube.
-//! 4. *Sectors*: in each direction the floor must be seen cell by cell, from near to far. Its end decides the state.
+//! 4. *Sectors*: in each direction the floor must be seen cell by cell, from near to far. Its end decides the state. Labels
+//!    show where a thing stands on the floor, also if its depth is wrong.
 //!
 //! Images wider than 320 pixels are sampled at each second, third, ... column and row.
 //!
@@ -45,6 +46,7 @@
 //! ```
 
 mod collect;
+mod contact;
 mod directions;
 mod error;
 mod extent;
@@ -68,6 +70,7 @@ pub use nunet_types::{ObstacleMap, ObstaclePoint, ObstacleSector, SectorState};
 pub use options::ObstacleOptions;
 
 use collect::Collector;
+use contact::MinHeight;
 use directions::Memory;
 use ground::GroundFit;
 use kind::Bounds;
@@ -135,6 +138,7 @@ pub struct ObstacleDetector {
     last_sectors: Sectors,
     scan: Scan,
     ground: GroundFit,
+    things: Option<MinHeight>,
     collector: Collector,
     memory: Memory,
     obstacles: Obstacles,
@@ -168,6 +172,7 @@ impl ObstacleDetector {
             roles: Roles::new(classes),
             scan: Scan::new(&view, mount.position_m()),
             ground: GroundFit::new(&mount, &options),
+            things: MinHeight::new(&mount, &options),
             collector: Collector::new(&view),
             memory: Memory::new(options.hold_s, options.sectors),
             obstacles,
@@ -187,6 +192,7 @@ impl ObstacleDetector {
         self.memory.turn(&self.last_sectors, &self.view.sectors);
         self.scan.set_mount(&self.view, mount.position_m());
         self.ground.set_mount(&mount);
+        self.things = MinHeight::new(&mount, &self.options);
         self.obstacles.angle_min_rad = self.view.sectors.angle_min_rad;
         self.obstacles.angle_step_rad = self.view.sectors.angle_step_rad;
     }
@@ -236,7 +242,8 @@ impl ObstacleDetector {
         self.collector.voxels.take(self.options.max_points, &mut self.obstacles.points);
         let sectors = &mut self.obstacles.sectors;
         let max_range_m = self.options.max_range_m;
-        directions::fill(&self.view, &self.scan.votes, &mut self.collector.hits, max_range_m, sectors);
+        let hits = &mut self.collector.hits;
+        directions::fill(&self.view, &self.scan.votes, hits, max_range_m, self.things, sectors);
         self.memory.update(&mut self.obstacles.sectors, time_nanos);
         Ok(&self.obstacles)
     }

@@ -19,6 +19,10 @@ const MIN_SUPPORT: u32 = 2;
 pub(super) struct Votes {
     pub(super) floor: u32,
     pub(super) drop: u32,
+    /// Labeled as a thing, which is neither floor nor deceptive; 0 without labels.
+    pub(super) other: u32,
+    /// The label of one of these.
+    pub(super) label: u8,
     /// The square of the distance of its farthest floor, square meters.
     pub(super) far_squared: f32,
 }
@@ -106,6 +110,9 @@ impl Scan {
         self.find_roles(row, view, image.labels, roles);
         self.find_kinds(row, bounds);
         self.vote(row, view);
+        if roles.has_floor {
+            self.vote_things(row, image, view);
+        }
         let has_solid = self.line.kinds.iter().any(|kind| kind.is_solid());
         if has_solid {
             self.remove_unsupported(row);
@@ -166,6 +173,19 @@ impl Scan {
                 if is_floor & (range_squared > votes.far_squared) {
                     votes.far_squared = range_squared;
                 }
+            }
+        }
+    }
+
+    /// Counts the votes of a row's labels; none without labels.
+    fn vote_things(&mut self, row: usize, image: &DepthImage<'_>, view: &View) {
+        let Some(labels) = image.labels else { return };
+        let labels = labels[row * view.stride * view.width..][..view.width].iter().step_by(view.stride);
+        let cells = &view.cell_of[row * self.columns..][..self.columns];
+        for ((&role, &cell), &label) in self.line.roles.iter().zip(cells).zip(labels) {
+            if (role == Role::Other) & (cell != NONE) {
+                let votes = &mut self.votes[cell as usize];
+                (votes.other, votes.label) = (votes.other + 1, label);
             }
         }
     }

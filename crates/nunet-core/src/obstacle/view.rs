@@ -38,6 +38,12 @@ pub(super) struct Cell {
     pub(super) samples: u32,
     /// The distance of its nearest point from the base's origin, meters.
     pub(super) near_m: f32,
+    /// Tangent of the angle below the horizon at which the camera sees its farthest point.
+    pub(super) tangent: f32,
+}
+
+impl Cell {
+    const UNSEEN: Self = Self { samples: 0, near_m: f32::INFINITY, tangent: f32::INFINITY };
 }
 
 /// A sample that looks at floor within range.
@@ -49,6 +55,7 @@ struct SeenFloor {
     /// Of the sample.
     index: usize,
     range_m: f32,
+    tangent: f32,
 }
 
 /// What is used only while the tables are computed.
@@ -173,19 +180,19 @@ impl View {
             sector = self.sectors.find([direction[0], direction[1]], sector);
             self.sector_of.push(sector);
             let found = self.floor_of((direction, sector), camera, max_range_m, step);
-            work.seen.extend(found.map(|(sector, band, range_m)| SeenFloor { sector, band, index, range_m }));
+            work.seen.extend(found.map(|seen| SeenFloor { index, ..seen }));
         }
         self.number_cells(work);
     }
 
-    /// Sector, band and distance of the floor that a sample looks at; `None` beyond the range and outside the sectors.
+    /// The floor that the first sample would look at in this direction; `None` beyond the range and outside the sectors.
     fn floor_of(
         &self,
         ([x, y, z], sector): (Direction, u32),
         [camera_x, camera_y, height_m]: [f32; 3],
         max_range_m: f32,
         step: f32,
-    ) -> Option<(u32, usize, f32)> {
+    ) -> Option<SeenFloor> {
         // False for a sample without a ray, too.
         let is_below = z < 0.0;
         if !is_below {
@@ -201,7 +208,7 @@ impl View {
         let tangent = (-z / length(x, y)).min(MAX_TANGENT);
         // From near to far: the largest tangent first.
         let band = ((MAX_TANGENT - tangent) / step) as usize;
-        (sector != NONE).then_some((sector, band, range_m))
+        (sector != NONE).then_some(SeenFloor { sector, band, index: 0, range_m, tangent })
     }
 
     /// Numbers the cells that are seen, by sector and from near to far.
@@ -211,10 +218,14 @@ impl View {
         let bands = seen.iter().map(|seen| seen.band + 1 - first_band).max().unwrap_or_default();
         let place = |seen: &SeenFloor| seen.sector as usize * bands + seen.band - first_band;
         all.clear();
-        all.resize(self.sectors.count() * bands, Cell { samples: 0, near_m: f32::INFINITY });
+        all.resize(self.sectors.count() * bands, Cell::UNSEEN);
         for seen in seen.iter() {
             let cell = &mut all[place(seen)];
-            *cell = Cell { samples: cell.samples + 1, near_m: cell.near_m.min(seen.range_m) };
+            *cell = Cell {
+                samples: cell.samples + 1,
+                near_m: cell.near_m.min(seen.range_m),
+                tangent: cell.tangent.min(seen.tangent),
+            };
         }
         numbers.clear();
         numbers.resize(all.len(), NONE);

@@ -1,0 +1,103 @@
+//! Where a thing stands on the floor, by labels alone.
+//!
+//! In the image, a thing begins where the floor before it ends. On level floor, that place has a known distance, which does not
+//! depend on depth. So things are found whose depth is wrong, such as thin legs that depth blurs into the floor behind
+//! them. A flat thing must not count: the labels must continue as high as a thing would be that stands there.
+
+use super::scan::Votes;
+use super::view::Cell;
+use super::{Mount, ObstacleOptions};
+
+/// A thing must be this high to count, and this much higher than the clearance, meters.
+const MIN_HEIGHT_M: f32 = 0.1;
+const ABOVE_CLEARANCE_M: f32 = 0.05;
+/// A camera that is hardly higher than a thing would have to see it up to the horizon. This share of its height is enough.
+const MAX_HEIGHT_SHARE: f32 = 0.75;
+
+/// How high a thing must be, as a share of the camera's height.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct MinHeight {
+    camera_m: f32,
+    share: f32,
+}
+
+/// The nearest thing of a sector.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Contact {
+    /// Distance from the base's origin, meters.
+    pub(super) range_m: f32,
+    /// It is at least this high, meters.
+    pub(super) height_m: f32,
+    pub(super) label: u8,
+}
+
+impl MinHeight {
+    /// `None` for a camera that cannot see whether a thing is higher than the clearance.
+    pub(super) fn new(mount: &Mount, options: &ObstacleOptions) -> Option<Self> {
+        let camera_m = mount.height_m() as f32;
+        let height_m = MIN_HEIGHT_M.max(options.clearance_m + ABOVE_CLEARANCE_M);
+        let share = (height_m / camera_m).min(MAX_HEIGHT_SHARE);
+        (options.clearance_m < share * camera_m).then_some(Self { camera_m, share })
+    }
+
+    /// Walks from cell to cell. A thing at the distance of a cell is as high as the camera sees it above the cell of the same
+    /// direction whose tangent is less by that share.
+    pub(super) fn nearest(self, cells: &[Cell], votes: &[Votes]) -> Option<Contact> {
+        let mut foot: Option<(&Cell, u8)> = None;
+        for (cell, vote) in cells.iter().zip(votes) {
+            if 2 * vote.other < cell.samples {
+                foot = None;
+                continue;
+            }
+            let &mut (first, label) = foot.get_or_insert((cell, vote.label));
+            let share = 1.0 - cell.tangent / first.tangent;
+            if share >= self.share {
+                return Some(Contact { range_m: first.near_m, height_m: share * self.camera_m, label });
+            }
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CHAIR: u8 = 3;
+
+    /// Cells of a camera 0.5 m above the floor, 4 samples each, with this number of samples labeled as a thing.
+    fn nearest(clearance_m: f32, others: &[u32]) -> Option<Contact> {
+        let mount = Mount::new([0.0, 0.0, 0.5], [0.0; 3]).unwrap();
+        let options = ObstacleOptions { clearance_m, ..ObstacleOptions::default() };
+        let cell = |index: usize| {
+            let near_m = 1.0 + 0.1 * index as f32;
+            Cell { samples: 4, near_m, tangent: 0.5 / near_m }
+        };
+        let cells: Vec<_> = (0..others.len()).map(cell).collect();
+        let votes: Vec<_> =
+            others.iter().map(|&other| Votes { other, label: CHAIR, ..Votes::default() }).collect();
+        MinHeight::new(&mount, &options)?.nearest(&cells, &votes)
+    }
+
+    #[test]
+    fn a_thing_stands_where_its_labels_begin_and_is_as_high_as_they_continue() {
+        let found = nearest(0.05, &[0, 1, 4, 3, 2, 4, 0]).unwrap();
+        assert_eq!((found.range_m, found.label), (1.2, CHAIR));
+        assert!((found.height_m - 0.1).abs() < 1e-6, "{found:?}: 0.5 m * (1 - 1.2 / 1.5)");
+        assert_eq!(nearest(0.05, &[4, 4, 4, 4]).unwrap().range_m, 1.0, "from the bottom of the image on");
+    }
+
+    #[test]
+    fn what_lies_flat_or_is_not_seen_high_enough_is_no_thing() {
+        assert_eq!(nearest(0.05, &[0, 4, 4, 0, 4, 4, 0]), None);
+        assert_eq!(nearest(0.05, &[0, 0, 0, 0, 4, 4]), None, "the range ends");
+        assert_eq!(nearest(0.15, &[0, 1, 4, 4, 4, 4]), None, "the robot drives over 0.15 m");
+        assert_eq!(nearest(0.05, &[]), None);
+    }
+
+    #[test]
+    fn a_camera_lower_than_the_clearance_cannot_tell() {
+        let mount = Mount::new([0.0, 0.0, 0.06], [0.0; 3]).unwrap();
+        assert!(MinHeight::new(&mount, &ObstacleOptions::default()).is_none());
+    }
+}
