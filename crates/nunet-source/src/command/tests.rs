@@ -115,14 +115,13 @@ fn is_alive(pid: &str) -> bool {
     !stat.is_empty() && !stat.contains(") Z ")
 }
 
-#[test]
-fn what_was_started_ends_with_the_source_even_if_it_ignores_signals() {
+/// Runs a command that writes an image after `{show}`, which states the processes `$$ $!`. Both end with the source.
+#[track_caller]
+fn assert_all_end(command: &str) {
     let folder = tempfile::tempdir().unwrap();
     let pids = folder.path().join("pids");
     let show = format!("echo $$ $! > {0}.new && mv {0}.new {0}", pids.display());
-    let mut source = open(&format!(
-        "exec:trap '' TERM; sleep 1000 & {show}; printf aaaa; while true; do sleep 1000; done"
-    ));
+    let mut source = open(&format!("exec:{}", command.replace("{show}", &show)));
     assert!(matches!(next(source.as_mut(), &mut Frame::default()), Fill::Frame));
     let pids = std::fs::read_to_string(pids).unwrap();
     let pids: Vec<&str> = pids.split_whitespace().collect();
@@ -136,6 +135,16 @@ fn what_was_started_ends_with_the_source_even_if_it_ignores_signals() {
         }),
         "{pids:?}"
     );
+}
+
+#[test]
+fn what_was_started_ends_with_the_source_even_if_it_ignores_signals() {
+    assert_all_end("trap '' TERM; sleep 1000 & {show}; printf aaaa; while true; do sleep 1000; done");
+}
+
+#[test]
+fn what_ignores_signals_is_killed_although_the_shell_that_started_it_ends_at_once() {
+    assert_all_end("trap '' TERM; sleep 1000 & trap - TERM; {show}; printf aaaa; exec sleep 1000");
 }
 
 #[test]
