@@ -7,6 +7,11 @@ use serde::{Deserialize, Serialize};
 const BIG_ENDIAN: [u8; 2] = [0, 0];
 const LITTLE_ENDIAN: [u8; 2] = [0, 1];
 
+/// The first bytes of zstd's data.
+const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
+const PACKED: &str = "each message is compressed on its own (`ros2 bag record --compression-mode message`), which is not \
+                      read: convert the recording with `ros2 bag convert`, or with `rosbags-convert` (`pip install rosbags`)";
+
 /// Decodes one message; byte sequences are borrowed from it.
 pub(crate) fn decode<'a, T: Deserialize<'a>>(message: &'a [u8]) -> Result<T, String> {
     let (header, body) = message.split_at_checked(4).ok_or_else(|| {
@@ -15,6 +20,7 @@ pub(crate) fn decode<'a, T: Deserialize<'a>>(message: &'a [u8]) -> Result<T, Str
     let decoded = match [header[0], header[1]] {
         LITTLE_ENDIAN => cdr_encoding::from_bytes::<T, LittleEndian>(body),
         BIG_ENDIAN => cdr_encoding::from_bytes::<T, BigEndian>(body),
+        _ if header == ZSTD => return Err(PACKED.to_owned()),
         other => return Err(format!("encapsulation {:02x} {:02x} is not plain CDR", other[0], other[1])),
     };
     decoded.map(|(value, _)| value).map_err(|error| format!("it is cut off or of another type: {error:.200}"))
@@ -81,5 +87,7 @@ mod tests {
         assert_eq!(decode::<Image<'_>>(&message).unwrap(), image(&[9, 9]));
         let error = decode::<Image<'_>>(&[0, 7, 0, 0]).unwrap_err();
         assert_eq!(error, "encapsulation 00 07 is not plain CDR");
+        let error = decode::<Image<'_>>(&[0x28, 0xb5, 0x2f, 0xfd, 0x20, 0]).unwrap_err();
+        assert!(error.contains("--compression-mode message"), "{error}");
     }
 }

@@ -31,7 +31,7 @@ struct Information {
 /// Whether a path is a recording by its name or its content: an MCAP file, a bag's folder, or its `metadata.yaml`.
 #[must_use]
 pub fn is_recording(path: &Path) -> bool {
-    let is_mcap = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mcap"));
+    let is_mcap = has_ending(path, "mcap");
     let is_metadata = path.file_name().is_some_and(|name| name == METADATA);
     let is_bag = || path.join(METADATA).is_file() || mcap_files(path).is_ok_and(|files| !files.is_empty());
     is_mcap || is_metadata || (path.is_dir() && is_bag())
@@ -97,7 +97,7 @@ fn parts_of_folder(folder: &Path) -> Result<Vec<PathBuf>, RecordingError> {
 }
 
 fn has_ending(file: &Path, ending: &str) -> bool {
-    file.extension().is_some_and(|found| found == ending)
+    file.extension().is_some_and(|found| found.eq_ignore_ascii_case(ending))
 }
 
 fn shown_name(file: &Path) -> String {
@@ -198,8 +198,8 @@ mod tests {
 
     #[test]
     fn parts_are_in_the_order_of_their_numbers() {
-        let found = names(&folder(&["d_10.mcap", "d_2.mcap", "d_0.mcap", "notes.txt"], None));
-        assert_eq!(found.unwrap(), ["d_0.mcap", "d_2.mcap", "d_10.mcap"]);
+        let found = names(&folder(&["d_10.mcap", "d_2.MCAP", "d_0.mcap", "notes.txt"], None));
+        assert_eq!(found.unwrap(), ["d_0.mcap", "d_2.MCAP", "d_10.mcap"]);
     }
 
     #[test]

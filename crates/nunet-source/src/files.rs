@@ -173,7 +173,9 @@ fn is_video(path: &Path, start: &[u8]) -> bool {
 #[cfg(feature = "mcap")]
 fn recording_in(folder: &Path) -> Option<PathBuf> {
     let files = folder.read_dir().ok()?.flatten().map(|entry| entry.path());
-    let is_bag = |file: &PathBuf| file.extension().is_some_and(|ending| ending == "db3" || ending == "bag");
+    let is_bag = |file: &PathBuf| {
+        file.extension().is_some_and(|ending| ["db3", "bag", "zstd"].iter().any(|bag| ending == *bag))
+    };
     files.filter(is_bag).min()
 }
 

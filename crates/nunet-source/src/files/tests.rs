@@ -152,16 +152,18 @@ fn an_empty_folder_and_a_missing_one_are_bad_arguments() {
 
 #[test]
 fn recordings_of_other_formats_are_named_with_a_conversion() {
-    let folder = tempfile::tempdir().unwrap();
     for (name, content, what, hint) in [
         ("drive.bag", &b"#ROSBAG V2.0\n"[..], "it is a ROS 1 bag", "rosbags-convert --src"),
         ("drive.db3", b"SQLite format 3\0", "it is a ROS 2 bag in SQLite", "mcap convert"),
         ("drive.mcap.zstd", b"\x28\xb5\x2f\xfd\0", "it is compressed with zstd as a whole", "zstd -d"),
     ] {
+        let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(name);
         std::fs::write(&path, content).unwrap();
-        let error = Files::open(path.to_str().unwrap(), false).unwrap_err();
-        assert_eq!(error.to_string(), format!("`{}` is not a source: {what}", path.display()));
-        assert!(error.hint().unwrap().contains(hint), "{:?}", error.hint());
+        for named in [path.as_path(), folder.path()] {
+            let error = Files::open(named.to_str().unwrap(), false).unwrap_err();
+            assert_eq!(error.to_string(), format!("`{}` is not a source: {what}", path.display()));
+            assert!(error.hint().unwrap().contains(hint), "{:?}", error.hint());
+        }
     }
 }
