@@ -130,7 +130,7 @@ impl RecordedImage {
             return self.set_depth(compressed_depth::decode(data, format)?);
         }
         if !data.starts_with(&JPEG) && !data.starts_with(PNG) {
-            return Err(format!("compressed as `{format:.60}`, expected JPEG or PNG"));
+            return Err(format!("its {} bytes, as `{format:.60}`, are neither JPEG nor PNG", data.len()));
         }
         if purpose == Purpose::Depth {
             if original == Some(ImageEncoding::DepthMeters) {
@@ -306,7 +306,8 @@ mod tests {
         image.set_file(&jpeg, "rgb8; jpeg compressed bgr8", Purpose::Color).unwrap();
         assert_eq!(image.encoding, Some(ImageEncoding::File));
         let error = image.set_file(b"RIFF....WEBP", "webp", Purpose::Color).unwrap_err();
-        assert_eq!(error, "compressed as `webp`, expected JPEG or PNG");
+        assert_eq!(error, "its 12 bytes, as `webp`, are neither JPEG nor PNG");
+        assert!(image.set_file(b"", "jpeg", Purpose::Color).unwrap_err().starts_with("its 0 bytes"));
         let error = image.set_file(&jpeg, "16UC1; compressedDepth png", Purpose::Color).unwrap_err();
         assert_eq!(error, "`16UC1; compressedDepth png` is depth, not an image");
     }
