@@ -55,8 +55,33 @@ pub(super) fn calibration(
         "radtan" => "plumb_bob",
         other => other,
     };
-    let d = camera.distortion_coeffs.as_deref().unwrap_or_default();
+    let d = match &camera.distortion_coeffs {
+        Some(coefficients) => coefficients.as_slice(),
+        None if lens.is_empty() => &[],
+        None => return Err(missing("distortion_coeffs")),
+    };
     let k = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0];
     let region = SensorRegion::default();
     Calibration::from_ros(&RosCameraInfo { width, height, k: &k, distortion_model: lens, d, region })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Distortion;
+
+    #[test]
+    fn only_a_lens_without_distortion_may_have_no_coefficients() {
+        let parsed = |lens: &str| {
+            Calibration::parse(&format!(
+                "cam0:\n  camera_model: pinhole\n  intrinsics: [520, 521, 320, 240]\n  distortion_model: {lens}\n  \
+                 distortion_coefficients: [0.1, 0, 0, 0]\n  resolution: [640, 480]\n"
+            ))
+        };
+        assert_eq!(parsed("none").unwrap().camera().distortion, Distortion::None);
+        for lens in ["radtan", "equidistant"] {
+            let expected = CalibrationError::Missing { key: "cam0: distortion_coeffs".to_owned() };
+            assert_eq!(parsed(lens), Err(expected), "the key is misspelled");
+        }
+    }
 }

@@ -191,6 +191,9 @@ fn other_format(text: &str) -> Option<&'static str> {
             "it is an INI file; convert it to YAML, as ROS's `camera_calibration_parsers convert` does",
         );
     }
+    if text.contains('\0') {
+        return Some("it is no text in UTF-8; if an editor or a shell wrote it as UTF-16, save it as UTF-8");
+    }
     text.trim_start().starts_with("<?xml").then_some("it is XML; let OpenCV write it to a file named .yaml")
 }
 

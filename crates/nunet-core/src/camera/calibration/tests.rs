@@ -283,6 +283,7 @@ fn calibrations_in_other_formats_are_named() {
     for (text, name) in [
         ("# oST version 5.0\n[image]\n\nwidth\n640\n", "INI"),
         ("<?xml version=\"1.0\"?>\n<opencv_storage>\n", "XML"),
+        ("\u{fffd}i\0m\0a\0g\0e\0", "UTF-16"),
     ] {
         let error = refusal(text);
         let CalibrationError::Syntax { reason } = &error else { panic!("{error}") };
