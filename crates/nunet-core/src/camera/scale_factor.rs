@@ -12,9 +12,10 @@ pub const MAX_SCALE_FACTOR: f32 = 20.0;
 /// # Errors
 /// A factor that is not finite or out of range.
 pub fn check_scale_factor(factor: f64) -> Result<f32, CameraError> {
-    let within = f64::from(MIN_SCALE_FACTOR)..=f64::from(MAX_SCALE_FACTOR);
-    if within.contains(&factor) {
-        Ok(factor as f32)
+    // Compared as `f32`: 0.05 as `f64` is less than 0.05 as `f32`.
+    let rounded = factor as f32;
+    if (MIN_SCALE_FACTOR..=MAX_SCALE_FACTOR).contains(&rounded) {
+        Ok(rounded)
     } else {
         Err(CameraError::ScaleFactor { factor, min: MIN_SCALE_FACTOR, max: MAX_SCALE_FACTOR })
     }
@@ -26,7 +27,7 @@ mod tests {
 
     #[test]
     fn factors_that_no_camera_needs_are_refused() {
-        assert_eq!(check_scale_factor(0.83), Ok(0.83));
+        assert_eq!([0.05, 0.83, 20.0].map(check_scale_factor), [Ok(0.05), Ok(0.83), Ok(20.0)]);
         for wrong in [0.0, -1.0, f64::NAN, f64::INFINITY, 1000.0, 0.001] {
             assert!(check_scale_factor(wrong).is_err(), "{wrong}");
         }
