@@ -3,6 +3,7 @@
 mod image_reader;
 mod jpegs;
 mod raw;
+mod waiting;
 mod y4m;
 
 use std::io::{BufRead as _, BufReader, Read};
@@ -13,6 +14,7 @@ use std::time::Duration;
 use nunet_ipc::{Clock, monotonic_nanos, unix_nanos};
 
 use self::image_reader::{ImageReader, PipeImage, RawFormat};
+use self::waiting::Waiting;
 use crate::error::{SourceError, SourceErrorKind};
 use crate::source::Fused;
 use crate::source_type::{Exclusive, Properties, SizeUse, SourceType};
@@ -46,7 +48,7 @@ impl SourceType for StandardInput {
     }
 
     fn open(&self, _name: &str, options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError> {
-        open_pipe(std::io::stdin(), options)
+        open_pipe(Waiting(std::io::stdin()), options)
     }
 }
 
