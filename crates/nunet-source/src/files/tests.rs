@@ -151,6 +151,16 @@ fn an_empty_folder_and_a_missing_one_are_bad_arguments() {
 }
 
 #[test]
+fn a_url_of_another_kind_is_named_with_a_way_to_read_it_and_without_its_password() {
+    for url in ["http://admin:s3cret@10.0.0.4/video.mjpg", "https://cam/a?b=1", "udp://@:1234"] {
+        let error = Files::open(url, false).unwrap_err();
+        assert_eq!(error.kind(), SourceErrorKind::BadArguments);
+        let text = format!("{error:#} {}", error.hint().unwrap());
+        assert!(text.contains("exec:ffmpeg -i") && !text.contains("s3cret"), "{text}");
+    }
+}
+
+#[test]
 fn recordings_of_other_formats_are_named_with_a_conversion() {
     for (name, content, what, hint) in [
         ("drive.bag", &b"#ROSBAG V2.0\n"[..], "it is a ROS 1 bag", "rosbags-convert --src"),
