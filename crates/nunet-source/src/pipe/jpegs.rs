@@ -5,8 +5,9 @@ use std::io::{BufRead, Read};
 use super::image_reader::{ImageReader, PipeImage, unreadable};
 use crate::error::{SourceError, SourceErrorKind};
 
-/// How a stream of JPEGs begins: the first byte of an image, and of a boundary between the parts of a multipart stream.
-pub(super) const STARTS: [u8; 2] = [MARKER, b'-'];
+/// How a stream of JPEGs begins: the first byte of an image, or in a multipart stream that of a boundary, of the end of the
+/// line before it, or of the header of a part (`Content-Type`). Cameras begin with each of them.
+pub(super) const STARTS: [u8; 6] = [MARKER, b'-', b'\r', b'\n', b'C', b'c'];
 /// The longest header that a multipart stream may have before an image.
 const MAX_BETWEEN_BYTES: usize = 1 << 16;
 /// The largest file that is read.

@@ -255,6 +255,18 @@ mod tests {
     }
 
     #[test]
+    fn a_multipart_stream_may_begin_with_a_line_end_or_with_the_header_of_a_part() {
+        let mut jpeg = Cursor::new(Vec::new());
+        image::GrayImage::new(8, 8).write_to(&mut jpeg, image::ImageFormat::Jpeg).unwrap();
+        let (header, jpeg) = (&b"Content-Type: image/jpeg\r\n\r\n"[..], jpeg.into_inner());
+        for start in [&b""[..], b"--frame\r\n", b"\r\n--frame\r\n"] {
+            let stream = [start, header, &jpeg, b"\r\n--frame\r\n", header, &jpeg].concat();
+            let (seen, end) = drain(&stream, None);
+            assert!(seen.len() == 2 && matches!(end, Fill::End), "{start:?}: {end:?}");
+        }
+    }
+
+    #[test]
     fn a_jpeg_without_its_end_fails_alone() {
         let jpeg = |gray: u8| {
             let mut file = Cursor::new(Vec::new());
