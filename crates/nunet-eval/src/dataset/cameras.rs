@@ -6,8 +6,9 @@ use std::path::Path;
 use nunet_core::camera::{Camera, Intrinsics};
 use serde::Deserialize;
 
-use super::table::rows;
+use super::table::{by_id, rows};
 use crate::error::{Cause, EvalError};
+use crate::event::{Event, OnEvent};
 
 /// The file in the dataset's folder.
 const FILE: &str = "intrinsics.csv";
@@ -27,8 +28,18 @@ struct CameraRow {
 /// The cameras by the images' ids; none if the dataset has no such file.
 pub(super) fn read(root: &Path) -> Result<BTreeMap<String, Camera>, EvalError> {
     let path = root.join(FILE);
-    let cameras = rows(&path).and_then(|rows| rows.into_iter().map(camera).collect());
+    let cameras = rows(&path).and_then(|rows| by_id(rows.into_iter().map(camera)));
     cameras.map_err(EvalError::read(&path))
+}
+
+/// Warns of images without a row in a file that the dataset has: without a camera, the meters may be wrong.
+pub(super) fn report_missing(cameras: &BTreeMap<String, Camera>, ids: &[String], on_event: OnEvent<'_>) {
+    let mut missing = ids.iter().filter(|id| !cameras.contains_key(*id));
+    let Some(first) = missing.next().filter(|_| !cameras.is_empty()) else { return };
+    let (count, all) = (1 + missing.count(), ids.len());
+    on_event(Event::Warning(&format!(
+        "{count} of {all} images have no row in `{FILE}`, such as `{first:.60}`: their camera is unknown"
+    )));
 }
 
 fn camera(CameraRow { id, fx, fy, cx, cy, width, height }: CameraRow) -> Result<(String, Camera), Cause> {
@@ -60,12 +71,25 @@ mod tests {
     }
 
     #[test]
+    fn images_without_a_row_are_counted_and_one_is_named() {
+        let cameras = read_text("id,fx,fy,cx,cy,width,height\na.png,2,2,1,1,4,4\nb,2,2,1,1,4,4\n").unwrap();
+        let ids = ["a", "b"].map(str::to_owned);
+        let mut warnings = Vec::new();
+        report_missing(&cameras, &ids, &mut |event| warnings.push(format!("{event:?}")));
+        report_missing(&BTreeMap::new(), &ids, &mut |event| warnings.push(format!("{event:?}")));
+        report_missing(&cameras, &ids[1..], &mut |event| warnings.push(format!("{event:?}")));
+        let expected = "1 of 2 images have no row in `intrinsics.csv`, such as `a`";
+        assert!(warnings.len() == 1 && warnings[0].contains(expected), "{warnings:?}");
+    }
+
+    #[test]
     fn a_row_that_cannot_be_a_camera_is_named() {
         let head = "id,fx,fy,cx,cy,width,height\n";
         for (text, part) in [
             ("id,fx,fy\na,1,1\n".to_owned(), "cx"),
             (format!("{head}a,1,1,1,far,4,4\n"), "line: 2"),
             (format!("{head}a,-1,1,1,1,4,4\n"), "image `a`"),
+            (format!("{head}a,2,2,1,1,4,4\na,4,4,1,1,4,4\n"), "`a` twice"),
         ] {
             let error = read_text(&text).unwrap_err();
             assert!(error.contains("intrinsics.csv") && error.contains(part), "{error}");

@@ -143,10 +143,14 @@ impl Dataset {
         if ids.is_empty() {
             return Err(EvalError::NoImages { path: root });
         }
+        let (camera, cameras) = (camera_of(&root)?, cameras::read(&root)?);
+        if camera.is_none() && options.camera.calibration.is_none() && options.camera.intrinsics.is_none() {
+            cameras::report_missing(&cameras, &ids, on_event);
+        }
         Ok(Self {
             labels: LabelFolder::find(&root, classes),
-            camera: camera_of(&root)?,
-            cameras: cameras::read(&root)?,
+            camera,
+            cameras,
             units: options.units,
             window: options.window,
             rotation: options.camera.rotation,

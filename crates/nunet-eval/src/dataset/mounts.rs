@@ -6,7 +6,7 @@ use std::path::Path;
 use nunet_core::obstacle::Mount;
 use serde::Deserialize;
 
-use super::table::rows;
+use super::table::{by_id, rows};
 use crate::error::{Cause, EvalError};
 
 /// The file in the dataset's folder.
@@ -52,7 +52,7 @@ impl ImageMounts {
 /// The mounts by the images' ids; none if the dataset has no such file.
 fn read(root: &Path) -> Result<BTreeMap<String, Mount>, EvalError> {
     let path = root.join(FILE);
-    let mounts = rows(&path).and_then(|rows| rows.into_iter().map(mount).collect());
+    let mounts = rows(&path).and_then(|rows| by_id(rows.into_iter().map(mount)));
     mounts.map_err(|error| EvalError::Mounts { path, reason: error.to_string() })
 }
 
@@ -85,6 +85,7 @@ mod tests {
             ("id,x,y,z,roll,pitch\na,0,0,1,0,0\n", "yaw"),
             ("id,x,y,z,roll,pitch,yaw\na,0,0,high,0,0,0\n", "line: 2"),
             ("id,x,y,z,roll,pitch,yaw\na,0,0,-1,0,0,0\n", "image `a`: mount: the camera is -1"),
+            ("id,x,y,z,roll,pitch,yaw\na,0,0,1,0,0,0\na,0,0,2,0,0,0\n", "`a` twice"),
         ] {
             let error = read_text(text).unwrap_err().to_string();
             assert!(error.contains("mounts.csv") && error.contains(part), "{error}");

@@ -1,5 +1,6 @@
 //! Tables with a row for each image.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::de::DeserializeOwned;
@@ -15,6 +16,21 @@ pub(super) fn rows<Row: DeserializeOwned>(path: &Path) -> Result<Vec<Row>, Cause
     let text = read_list(path)?;
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
     reader.deserialize().map(|row| Ok(row?)).collect()
+}
+
+/// The values of rows by the images' ids. Two rows of one image contradict each other.
+pub(super) fn by_id<T>(
+    rows: impl Iterator<Item = Result<(String, T), Cause>>,
+) -> Result<BTreeMap<String, T>, Cause> {
+    let mut values = BTreeMap::new();
+    for row in rows {
+        let (id, value) = row?;
+        if values.contains_key(&id) {
+            return Err(format!("it has the image `{id:.60}` twice").into());
+        }
+        values.insert(id, value);
+    }
+    Ok(values)
 }
 
 #[cfg(test)]
