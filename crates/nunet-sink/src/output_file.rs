@@ -16,11 +16,20 @@ pub fn check_output(output: &Path, overwrite: bool) -> Result<(), RecordingError
     }
 }
 
-/// The file of a recording: `path` itself, or if it is a folder, a file in it that is named by camera and
-/// time.
+/// The file of a recording: `path` itself, or if it is a folder, a new file in it that is named by camera and
+/// time. A name may be taken: a robot without a clock that runs while it is off boots at the same time again.
 #[must_use]
 pub fn recording_path(path: &Path, is_folder: bool, camera: &str, unix_nanos: i64) -> PathBuf {
-    if is_folder { path.join(format!("{camera}_{}.mcap", utc(unix_nanos))) } else { path.to_owned() }
+    if !is_folder {
+        return path.to_owned();
+    }
+    let name = format!("{camera}_{}", utc(unix_nanos));
+    let (mut file, mut number) = (path.join(format!("{name}.mcap")), 1_u64);
+    while file.exists() {
+        number += 1;
+        file = path.join(format!("{name}_{number}.mcap"));
+    }
+    file
 }
 
 /// `20261122T051500Z`, so that names sort by time.
@@ -55,6 +64,11 @@ mod tests {
         assert_eq!(name(0), "front_19700101T000000Z.mcap");
         assert_eq!(name(951_782_400), "front_20000229T000000Z.mcap");
         assert_eq!(name(1_795_324_515), "front_20261122T051515Z.mcap");
+        for taken in ["front_19700101T000000Z.mcap", "front_19700101T000000Z_2.mcap"] {
+            assert_eq!(name(0), taken);
+            std::fs::write(folder.path().join(taken), "").unwrap();
+        }
+        assert_eq!(name(0), "front_19700101T000000Z_3.mcap");
         assert_eq!(recording_path(Path::new("a.mcap"), false, "front", 0), Path::new("a.mcap"));
     }
 
