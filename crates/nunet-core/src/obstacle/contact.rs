@@ -81,9 +81,9 @@ mod tests {
 
     #[test]
     fn a_thing_stands_where_its_labels_begin_and_is_as_high_as_they_continue() {
-        let found = nearest(0.05, &[0, 1, 4, 3, 2, 4, 0]).unwrap();
+        let found = nearest(0.05, &[0, 1, 4, 3, 2, 4, 4, 0]).unwrap();
         assert_eq!((found.range_m, found.label), (1.2, CHAIR));
-        assert!((found.height_m - 0.1).abs() < 1e-6, "{found:?}: 0.5 m * (1 - 1.2 / 1.5)");
+        assert!((found.height_m - 0.125).abs() < 1e-6, "{found:?}: 0.5 m * (1 - 1.2 / 1.6)");
         assert_eq!(nearest(0.05, &[4, 4, 4, 4]).unwrap().range_m, 1.0, "from the bottom of the image on");
     }
 

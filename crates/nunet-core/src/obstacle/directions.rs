@@ -52,7 +52,7 @@ pub(super) fn fill(
         let (seen, votes) = (&view.cells[cells.clone()], &votes[cells.clone()]);
         let floor = free_floor(seen, votes);
         if let Some(contact) = things.and_then(|min_height| min_height.nearest(seen, votes)) {
-            add(sector, contact);
+            add(sector, contact, view.cell_growth);
         }
         let near_m = view.cells[cells].first().map_or(f32::NAN, |cell| cell.near_m);
         let in_view = view.extents[index].limit(near_m, view.cell_growth);
@@ -63,12 +63,17 @@ pub(super) fn fill(
     }
 }
 
-/// Takes a thing that the labels show, if no obstacle is nearer.
-fn add(sector: &mut ObstacleSector, Contact { range_m, height_m, label }: Contact) {
-    if sector.obstacle_m.is_nan() || sector.obstacle_m > range_m {
+/// Takes a thing that the labels show, if no obstacle is nearer or about as far away: depth is finer than cells.
+fn add(sector: &mut ObstacleSector, Contact { range_m, height_m, label }: Contact, cell_growth: f32) {
+    if sector.obstacle_m.is_nan() || sector.obstacle_m > range_m + gap(range_m, cell_growth) {
         (sector.obstacle_m, sector.label) = (range_m, label);
         (sector.min_height_m, sector.max_height_m) = (0.0, height_m);
     }
+}
+
+/// By how much the end of the free floor may differ from an obstacle, meters.
+fn gap(obstacle_m: f32, cell_growth: f32) -> f32 {
+    GAP_M + GAP_CELLS * cell_growth * obstacle_m.min(100.0).powi(2)
 }
 
 /// Walks from cell to cell as long as each shows mostly floor.
@@ -103,11 +108,10 @@ fn conclude(
     // No floor is visible below the image. An obstacle there counts without floor before it.
     let known_m = free_m.max(seen_from_m);
     let obstacle_m = if sector.obstacle_m.is_nan() { f32::INFINITY } else { sector.obstacle_m };
-    let gap_m = GAP_M + GAP_CELLS * cell_growth * obstacle_m.min(100.0).powi(2);
     if deceptive_m + GAP_M < obstacle_m {
         return (SectorState::Unknown, free_m.min(deceptive_m));
     }
-    if obstacle_m.is_finite() && obstacle_m <= known_m + gap_m {
+    if obstacle_m.is_finite() && obstacle_m <= known_m + gap(obstacle_m, cell_growth) {
         return (SectorState::Occupied, obstacle_m);
     }
     match end {
@@ -208,6 +212,17 @@ mod tests {
         assert_eq!(walk(&[(4, 4, 0), (4, 0, 4), (4, 4, 0)]).end, End::Covered, "one cell is no drop");
         assert_eq!(walk(&[(4, 1, 0)]), FreeFloor { free_m: 0.0, end: End::Covered });
         assert_eq!(walk(&[]), FreeFloor { free_m: 0.0, end: End::OutOfRange });
+    }
+
+    #[test]
+    fn a_thing_counts_if_depth_shows_nothing_about_as_near() {
+        let thing = Contact { range_m: 1.0, height_m: 0.2, label: 3 };
+        for (obstacle_m, expected_m) in [(f32::NAN, 1.0), (2.0, 1.0), (1.1, 1.1), (0.5, 0.5)] {
+            let mut sector = ObstacleSector { obstacle_m, max_height_m: 0.9, ..ObstacleSector::UNKNOWN };
+            add(&mut sector, thing, 0.01);
+            assert_eq!(sector.obstacle_m, expected_m);
+            assert_eq!(sector.max_height_m == 0.2, expected_m == 1.0);
+        }
     }
 
     #[test]

@@ -200,7 +200,7 @@ fn text_that_is_not_a_camera_info_is_refused_with_its_place() {
         ("image_width: 640\nimage_height: tall\n", "line 2"),
         ("image_width: -640\n", "line 1"),
         ("image_width: 640\ncamera_matrix:\n  data: [438, wide]\n", "line 3"),
-        ("\u{0}\u{1}", "line 1"),
+        ("\u{1}\u{2}", "line 1"),
     ] {
         let error = refusal(text);
         let CalibrationError::Syntax { reason } = &error else { panic!("{error}") };
