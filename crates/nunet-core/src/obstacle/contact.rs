@@ -9,7 +9,7 @@ use super::view::Cell;
 use super::{Mount, ObstacleOptions};
 
 /// A thing must be this high to count, and this much higher than the clearance, meters.
-const MIN_HEIGHT_M: f32 = 0.1;
+const MIN_HEIGHT_M: f32 = 0.15;
 const ABOVE_CLEARANCE_M: f32 = 0.05;
 /// A camera that is hardly higher than a thing would have to see it up to the horizon. This share of its height is enough.
 const MAX_HEIGHT_SHARE: f32 = 0.75;
@@ -81,17 +81,26 @@ mod tests {
 
     #[test]
     fn a_thing_stands_where_its_labels_begin_and_is_as_high_as_they_continue() {
-        let found = nearest(0.05, &[0, 1, 4, 3, 2, 4, 4, 0]).unwrap();
+        let found = nearest(0.05, &[0, 1, 4, 3, 2, 4, 4, 4, 4, 0]).unwrap();
         assert_eq!((found.range_m, found.label), (1.2, CHAIR));
-        assert!((found.height_m - 0.125).abs() < 1e-6, "{found:?}: 0.5 m * (1 - 1.2 / 1.6)");
-        assert_eq!(nearest(0.05, &[4, 4, 4, 4]).unwrap().range_m, 1.0, "from the bottom of the image on");
+        assert!((found.height_m - 1.0 / 6.0).abs() < 1e-6, "{found:?}: 0.5 m * (1 - 1.2 / 1.8)");
+        assert_eq!(
+            nearest(0.05, &[4, 4, 4, 4, 4, 4]).unwrap().range_m,
+            1.0,
+            "from the bottom of the image on"
+        );
     }
 
     #[test]
     fn what_lies_flat_or_is_not_seen_high_enough_is_no_thing() {
         assert_eq!(nearest(0.05, &[0, 4, 4, 0, 4, 4, 0]), None);
         assert_eq!(nearest(0.05, &[0, 0, 0, 0, 4, 4]), None, "the range ends");
-        assert_eq!(nearest(0.15, &[0, 1, 4, 4, 4, 4]), None, "the robot drives over 0.15 m");
+        let wall = [0, 0, 4, 4, 4, 4, 4, 4, 4];
+        assert_eq!(
+            (nearest(0.05, &wall).is_some(), nearest(0.15, &wall)),
+            (true, None),
+            "0.2 m above 0.15 m"
+        );
         assert_eq!(nearest(0.05, &[]), None);
     }
 
