@@ -482,6 +482,28 @@ fn a_larger_image_gives_what_its_second_pixels_give() {
     assert!(large.points.len().abs_diff(small.points.len()) <= 5 && large.points.len() > 50);
 }
 
+/// As a network blurs a leg into the floor behind it.
+#[test]
+fn a_thing_whose_depth_is_that_of_the_floor_is_found_by_its_labels_unless_depth_is_certain() {
+    let mount = mount(0.5, 0.0);
+    let leg = Block::new((1.5, 1.6), (-0.1, 0.1), (0.0, 0.4), TABLE);
+    let (_, labels) = render(&mount, &[GROUND, leg]);
+    let (depth_m, _) = render(&mount, &[GROUND]);
+    let nearest_m = |labels, confidence: Option<u8>| {
+        let confidence = confidence.map(|value| vec![value; PIXELS]);
+        let mut detector = detector(mount, ObstacleOptions::default());
+        let image = DepthImage { depth_m: &depth_m, labels, confidence: confidence.as_deref() };
+        let found = detector.detect(&image, 0).unwrap();
+        found.sectors.iter().map(|sector| sector.obstacle_m).fold(f32::INFINITY, f32::min)
+    };
+    let found_m = nearest_m(Some(&labels[..]), Some(100));
+    assert!((1.4..=1.5).contains(&found_m), "{found_m} m");
+    for (labels, confidence) in [(Some(&labels[..]), Some(255)), (Some(&labels[..]), None), (None, Some(100))]
+    {
+        assert!(nearest_m(labels, confidence).is_infinite(), "depth decides");
+    }
+}
+
 #[test]
 fn buffers_of_another_size_are_refused_by_name() {
     let mut detector = detector(mount(0.25, 0.0), ObstacleOptions::default());

@@ -11,6 +11,8 @@ const SAME_SURFACE: f32 = 0.05;
 /// If the steps to both neighbors of a line are larger than this share and have the same direction, the sample is on a
 /// blurred depth edge.
 const FLYING_STEP: f32 = 0.06;
+/// Depth of this confidence is right within 5 %. It is trusted more than labels.
+const CERTAIN: u8 = 227;
 /// Neighbors on the same surface that a sample needs.
 const MIN_SUPPORT: u32 = 2;
 
@@ -19,7 +21,7 @@ const MIN_SUPPORT: u32 = 2;
 pub(super) struct Votes {
     pub(super) floor: u32,
     pub(super) drop: u32,
-    /// Labeled as a thing, which is neither floor nor deceptive; 0 without labels.
+    /// Labeled as a thing, which is neither floor nor deceptive, with depth that is not certain.
     pub(super) other: u32,
     /// The label of one of these.
     pub(super) label: u8,
@@ -177,13 +179,15 @@ impl Scan {
         }
     }
 
-    /// Counts the votes of a row's labels; none without labels.
+    /// Counts the votes of a row's labels, where depth is not certain. Without labels or confidence there are none.
     fn vote_things(&mut self, row: usize, image: &DepthImage<'_>, view: &View) {
-        let Some(labels) = image.labels else { return };
-        let labels = labels[row * view.stride * view.width..][..view.width].iter().step_by(view.stride);
+        let (Some(labels), Some(confidence)) = (image.labels, image.confidence) else { return };
+        let line = row * view.stride * view.width..(row * view.stride + 1) * view.width;
+        let labels = labels[line.clone()].iter().step_by(view.stride);
+        let seen = labels.zip(confidence[line].iter().step_by(view.stride));
         let cells = &view.cell_of[row * self.columns..][..self.columns];
-        for ((&role, &cell), &label) in self.line.roles.iter().zip(cells).zip(labels) {
-            if (role == Role::Other) & (cell != NONE) {
+        for ((&role, &cell), (&label, &confidence)) in self.line.roles.iter().zip(cells).zip(seen) {
+            if (role == Role::Other) & (cell != NONE) & (confidence < CERTAIN) {
                 let votes = &mut self.votes[cell as usize];
                 (votes.other, votes.label) = (votes.other + 1, label);
             }
