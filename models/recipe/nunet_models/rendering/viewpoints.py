@@ -151,7 +151,7 @@ class ViewFinder:
         )
 
     def _before_thing(self) -> Matrix | None:
-        """As a robot sees a thing that it drives to; none if the attempt found no thing or place."""
+        """As a robot sees a thing ahead; none if the attempt found no thing or no place."""
         random, (distance_m, target_m) = self.random, DRIVING_M
         target = self._thing(target_m)
         if target is None:
