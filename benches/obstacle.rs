@@ -28,10 +28,15 @@ fn obstacle(criterion: &mut Criterion) {
     let mount = Mount::new([0.0, 0.0, 0.5], [0.0; 3]).expect("a mount");
     let classes = nunet_types::NYU13_CLASSES.map(str::to_owned);
     let (depth_m, labels) = corridor(0.5);
-    for (case, labels) in [("geometry", None), ("labels", Some(&labels[..]))] {
+    let (labels, confidence) = (&labels[..], &vec![128; depth_m.len()][..]);
+    for (case, labels, confidence) in [
+        ("geometry", None, None),
+        ("labels", Some(labels), None),
+        ("confidence", Some(labels), Some(confidence)),
+    ] {
         let options = ObstacleOptions::default();
         let mut detector = ObstacleDetector::new(&camera, mount, &classes, options).expect("options");
-        let image = DepthImage { depth_m: &depth_m, labels, confidence: None };
+        let image = DepthImage { depth_m: &depth_m, labels, confidence };
         criterion.bench_function(&format!("obstacle/{case}/640x480"), |bencher| {
             bencher.iter(|| {
                 detector.detect(black_box(&image), 0).expect("buffers of the camera's size").points.len()
