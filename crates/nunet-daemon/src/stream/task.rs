@@ -314,7 +314,7 @@ impl StreamTask {
             let used_attitude = self.attitude.as_ref().is_some_and(AttitudeStage::is_known);
             loans.set_obstacles(found, &options, used_attitude)?;
         }
-        report.stages.push(start_nanos, MonotonicClock.nanos());
+        report.stages.push(start_nanos, if with_obstacles { MonotonicClock.nanos() } else { start_nanos });
         Ok(report)
     }
 
