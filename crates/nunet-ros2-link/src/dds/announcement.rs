@@ -63,23 +63,22 @@ pub(super) fn simplify(payload: &mut [u8]) {
 /// Leaves a participant the readers and writers of discovery whose messages the transport carries. With others, as those
 /// of topics, the library would repeat messages forever that never arrive.
 pub(super) fn limit_endpoints(payload: &mut [u8]) {
-    let found: Vec<_> = parameters(payload, ENCAPSULATION_BYTES, true).collect();
-    for (_, _, value) in found.into_iter().filter(|(_, id, _)| *id == BUILT_IN_ENDPOINTS) {
-        let stated = payload.get_mut(value).and_then(|value| value.first_chunk_mut());
-        stated
-            .into_iter()
-            .for_each(|stated| *stated = (u32::from_le_bytes(*stated) & CARRIED_ENDPOINTS).to_le_bytes());
-    }
+    change(payload, BUILT_IN_ENDPOINTS, |stated| {
+        (u32::from_le_bytes(stated) & CARRIED_ENDPOINTS).to_le_bytes()
+    });
 }
 
 /// Makes the lease of a participant at least `seconds`.
 pub(super) fn extend_lease(payload: &mut [u8], seconds: i32) {
+    change(payload, LEASE, |stated| i32::from_le_bytes(stated).max(seconds).to_le_bytes());
+}
+
+/// Changes the first word of a parameter.
+fn change(payload: &mut [u8], changed: u16, word: impl Fn([u8; 4]) -> [u8; 4]) {
     let found: Vec<_> = parameters(payload, ENCAPSULATION_BYTES, true).collect();
-    for (_, _, value) in found.into_iter().filter(|(_, id, _)| *id == LEASE) {
+    for (_, _, value) in found.into_iter().filter(|(_, id, _)| *id == changed) {
         let stated = payload.get_mut(value).and_then(|value| value.first_chunk_mut());
-        stated
-            .into_iter()
-            .for_each(|stated| *stated = i32::from_le_bytes(*stated).max(seconds).to_le_bytes());
+        stated.into_iter().for_each(|stated| *stated = word(*stated));
     }
 }
 
