@@ -255,14 +255,14 @@ impl Pipeline {
     /// Nothing is allocated on the Rust side once the frame's size and each buffer's address have been seen.
     ///
     /// # Errors
-    /// Buffers of another length than [`Self::size`], and ONNX Runtime's errors.
+    /// Buffers of another length than [`Self::size`], before anything is computed, and ONNX Runtime's errors.
     pub fn process(
         &mut self,
         frame: &ImageView<'_>,
         mut outputs: Outputs<'_>,
         clock: &dyn Clock,
     ) -> Result<FrameReport, PipelineError> {
-        self.network.check_requested(&outputs)?;
+        outputs.check(self.graph(), self.size(), self.cloud_size())?;
         self.fit_to(frame.size())?;
         let size = self.size();
         let mut timer = StageTimer::new(clock);

@@ -136,7 +136,7 @@ pub enum GraphError {
     /// A caller's buffer of another length than the tensor.
     #[error("the buffer for `{tensor}` has {got} elements, expected {expected}")]
     Buffer {
-        /// `image`, `depth`, `labels` or `confidence`.
+        /// `image`, `depth`, `labels`, `confidence` or, in a pipeline, `cloud`.
         tensor: &'static str,
         /// Elements given.
         got: usize,

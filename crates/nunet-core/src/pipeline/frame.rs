@@ -1,12 +1,12 @@
 //! The output buffers and the report of a frame.
 
-use nunet_types::PixelRect;
+use nunet_types::{ImageSize, PixelRect};
 
 use crate::camera::Camera;
 use crate::cloud::CloudPoint;
 use crate::depth::{Scale, ScaleSource, Units};
 use crate::filter::Decimation;
-use crate::graph::{GraphOutputs, Quality, StageTimes};
+use crate::graph::{GraphError, GraphOutputs, Quality, SerialGraph, StageTimes};
 use crate::stability::StabilityChange;
 
 /// Buffers of the caller for the results of a frame.
@@ -24,6 +24,35 @@ pub struct Outputs<'a> {
 }
 
 impl Outputs<'_> {
+    /// Refuses memory for results that `graph` does not have, and memory of another length than results of `size` and
+    /// `cloud_size` have. Called first: a network with a state must not take a frame that fails afterwards.
+    pub(super) fn check(
+        &self,
+        graph: &SerialGraph,
+        size: ImageSize,
+        cloud_size: ImageSize,
+    ) -> Result<(), GraphError> {
+        if self.labels.is_some() && !graph.has_labels() {
+            return Err(GraphError::NoLabels);
+        }
+        if self.confidence.is_some() && !graph.has_confidence() {
+            return Err(GraphError::NoConfidence);
+        }
+        let given = [
+            ("depth", Some(self.depth_m.len()), size),
+            ("labels", self.labels.as_ref().map(|labels| labels.len()), size),
+            ("confidence", self.confidence.as_ref().map(|confidence| confidence.len()), size),
+            ("cloud", self.cloud.as_ref().map(|cloud| cloud.len()), cloud_size),
+        ];
+        for (tensor, got, size) in given {
+            let expected = size.pixel_count();
+            if let Some(got) = got.filter(|got| *got != expected) {
+                return Err(GraphError::Buffer { tensor, got, expected });
+            }
+        }
+        Ok(())
+    }
+
     /// The memory into which the network writes. With decimation it is inside.
     pub(super) fn of_network<'a>(&'a mut self, decimation: Option<&'a mut Decimation>) -> GraphOutputs<'a> {
         match decimation {

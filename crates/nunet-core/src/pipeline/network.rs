@@ -2,32 +2,19 @@
 
 use nunet_types::ImageSize;
 
+use super::PipelineError;
 use super::input::GraphImage;
 use super::letterbox::Letterbox;
 use super::timer::StageTimer;
-use super::{Outputs, PipelineError};
 use crate::clock::Clock;
 use crate::filter::Appearance;
 use crate::frame::ImageView;
 use crate::framing::{AspectMode, Framing};
-use crate::graph::{GraphError, GraphOutputs, GraphReport, SerialGraph};
+use crate::graph::{GraphOutputs, GraphReport, SerialGraph};
 use crate::preprocess::{Preprocessor, TensorFormat};
 
 /// The mean color of the training images as the recipe subtracts it, for padding.
 const MEAN_COLOR: [u8; 3] = [127; 3];
-
-/// Checks buffers that the graph does not see.
-fn check_lengths(results: &GraphOutputs<'_>, size: ImageSize) -> Result<(), GraphError> {
-    let expected = size.pixel_count();
-    let len = |map: Option<&[u8]>| map.map_or(expected, <[u8]>::len);
-    let (labels, confidence) = (len(results.labels.as_deref()), len(results.confidence.as_deref()));
-    for (tensor, got) in [("depth", results.depth.len()), ("labels", labels), ("confidence", confidence)] {
-        if got != expected {
-            return Err(GraphError::Buffer { tensor, got, expected });
-        }
-    }
-    Ok(())
-}
 
 /// The graph with what converts its image.
 pub(super) struct Network {
@@ -67,17 +54,6 @@ impl Network {
         self.framing = framing;
     }
 
-    /// Refuses memory for results that the graph does not have.
-    pub(super) fn check_requested(&self, outputs: &Outputs<'_>) -> Result<(), GraphError> {
-        if outputs.labels.is_some() && !self.graph.has_labels() {
-            return Err(GraphError::NoLabels);
-        }
-        if outputs.confidence.is_some() && !self.graph.has_confidence() {
-            return Err(GraphError::NoConfidence);
-        }
-        Ok(())
-    }
-
     /// Runs the graph on a frame; returns its report and how many bytes were copied for its input. With padding, the results
     /// stay inside until [`Self::take_results`].
     pub(super) fn run(
@@ -95,7 +71,6 @@ impl Network {
             });
             return Ok((timer.extend(self.graph.run(input, results, clock)?), bytes_copied));
         };
-        check_lengths(&results, graph.size())?;
         let Letterbox { canvas, inner } = letterbox;
         let (input, bytes_copied) = timer.time(|| {
             let image = preprocessor.prepare(frame);

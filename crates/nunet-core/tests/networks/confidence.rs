@@ -1,6 +1,7 @@
 //! The optional output `confidence`: which pixel it belongs to, where it is 0, and into whose memory it is written.
 
 use nunet_core::ErrorKind;
+use nunet_core::cloud::CloudPoint;
 use nunet_core::depth::BorderFill;
 use nunet_core::filter::{FilterOptions, FilterSpec};
 use nunet_core::frame::{ImageView, PixelFormat};
@@ -163,6 +164,33 @@ fn memory_of_another_length_or_for_a_network_without_it_is_refused() {
         let error = process(&mut without, &rgb, size, Some(&mut memory)).unwrap_err();
         assert!(matches!(error, PipelineError::Graph(GraphError::NoConfidence)), "{error}");
         assert!(process(&mut sure, &rgb, size, Some(&mut memory)).is_ok(), "an error leaves it usable");
+    }
+}
+
+#[test]
+fn memory_of_another_length_is_refused_before_a_network_with_a_state_takes_the_frame() {
+    let (rgb, model) = (image(LARGE), models::with_confidence(models::remembering(LARGE), LARGE));
+    let frame = ImageView::packed(&rgb, LARGE.width, LARGE.height, PixelFormat::Rgb8).unwrap();
+    let decimated = PipelineOptions { filters: filters("decimation=3"), ..PipelineOptions::default() };
+    for options in [PipelineOptions::default(), decimated] {
+        let [mut sure, mut mistaken] = [(); 2].map(|()| pipeline(&model, options));
+        let pixels = sure.size().pixel_count();
+        for more in [[1, 0, 0], [0, 1, 0], [0, 0, 1]] {
+            let [depth, confidence, cloud] = more.map(|more| pixels + more);
+            let (mut depth, mut confidence) = (vec![0.0; depth], vec![0; confidence]);
+            let mut cloud = vec![CloudPoint::NONE; cloud];
+            let outputs = Outputs {
+                depth_m: &mut depth,
+                labels: None,
+                confidence: Some(&mut confidence),
+                cloud: Some(&mut cloud),
+            };
+            let error = mistaken.process(&frame, outputs, &|| 0).unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::Buffer, "{error}");
+            let [expected, found] =
+                [&mut sure, &mut mistaken].map(|pipeline| process(pipeline, &rgb, LARGE, None).unwrap().0);
+            assert_eq!(found, expected, "{more:?}");
+        }
     }
 }
 
