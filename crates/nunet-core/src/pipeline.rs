@@ -285,10 +285,8 @@ impl Pipeline {
         let stability = self.stability.update((full.rgb, self.network.graph.size()), (depth_m, size));
         let max_range_m = self.decoder.max_range_m();
         timer.time(|| self.lens.fill_cloud(depth_m, &appearance, max_range_m, cloud))?;
-        self.confidence.is_left = confidence.is_some();
-        if is_filtered {
-            self.confidence.finish(&mut self.network, self.decimation.as_ref(), confidence, depth_m)?;
-        }
+        let filtered = is_filtered.then_some(&*depth_m);
+        self.confidence.finish(&mut self.network, self.decimation.as_ref(), confidence, filtered)?;
 
         let report = self.report(timer.finish(), run, bytes_copied, invalid_pixels);
         Ok(FrameReport { stability, ..report })

@@ -11,7 +11,7 @@ pub(super) struct ConfidenceMap {
     /// `[H, W]` at the size of the results; empty without decimation, and for a network without confidence.
     reduced: Vec<u8>,
     /// Whether the last one was written into the caller's memory.
-    pub(super) is_left: bool,
+    is_left: bool,
 }
 
 impl ConfidenceMap {
@@ -21,15 +21,18 @@ impl ConfidenceMap {
         Self { reduced: vec![0; pixels], is_left: false }
     }
 
-    /// Adapts the confidence in `memory`, else the one that `network` kept, to filtered depth. It is adapted to decoded depth
-    /// already. With decimation, it is the mean of each block.
+    /// Takes note of where the confidence of a frame is: in `memory`, else where `network` kept it. There it is adapted to
+    /// `filtered` depth, if there are filters: it is adapted to decoded depth already. With decimation, it is the mean of
+    /// each block.
     pub(super) fn finish(
         &mut self,
         network: &mut Network,
         decimation: Option<&Decimation>,
         memory: Option<&mut [u8]>,
-        depth: &[f32],
+        filtered: Option<&[f32]>,
     ) -> Result<(), FilterError> {
+        self.is_left = memory.is_some();
+        let Some(depth) = filtered else { return Ok(()) };
         let Some(decimation) = decimation else {
             if let Some(values) = memory.or(network.confidence_mut()) {
                 blank(values, depth);
