@@ -111,9 +111,12 @@ impl Scan {
         self.measure_row(row, view, &bounds.ground);
         self.find_roles(row, view, image.labels, roles);
         self.find_kinds(row, bounds);
-        self.vote(row, view);
-        if roles.has_floor {
-            self.vote_things(row, image, view);
+        // Other rows look at no cell.
+        if view.floor_rows.contains(&row) {
+            self.vote(row, view);
+            if roles.has_floor {
+                self.vote_things(row, image, view);
+            }
         }
         let has_solid = self.line.kinds.iter().any(|kind| kind.is_solid());
         if has_solid {

@@ -6,6 +6,7 @@
 //! floor, from near to far.
 
 use std::f32::consts::{PI, TAU};
+use std::ops::Range;
 
 use nalgebra::Vector3;
 
@@ -87,6 +88,8 @@ pub(super) struct View {
     /// The cell of the floor that each sample looks at, on level ground; [`NONE`] if it does not look at floor within
     /// range.
     pub(super) cell_of: Vec<u32>,
+    /// The rows from the first to the last one with a cell.
+    pub(super) floor_rows: Range<usize>,
     /// The sector of each sample's direction; a first guess for the sector of its point.
     pub(super) sector_of: Vec<u32>,
     /// Row and column of the samples that the ground is fitted to: evenly spread over those that look at floor.
@@ -114,6 +117,7 @@ impl View {
             rows: (rays.height() as usize).div_ceil(stride),
             directions: Default::default(),
             cell_of: Vec::new(),
+            floor_rows: 0..0,
             sector_of: Vec::new(),
             ground_samples: Vec::new(),
             cells: Vec::new(),
@@ -246,10 +250,13 @@ impl View {
         for seen in seen.iter() {
             self.cell_of[seen.index] = numbers[place(seen)];
         }
+        // They are in the order of the samples.
+        let row_of = |seen: &SeenFloor| seen.index / self.columns;
+        self.floor_rows = seen.first().map_or(0, row_of)..seen.last().map_or(0, |last| row_of(last) + 1);
     }
 
     /// The cells of a sector, from near to far.
-    pub(super) fn cells_of(&self, sector: usize) -> std::ops::Range<usize> {
+    pub(super) fn cells_of(&self, sector: usize) -> Range<usize> {
         self.first_cells[sector] as usize..self.first_cells[sector + 1] as usize
     }
 
@@ -308,4 +315,34 @@ fn pitch(samples: &[Direction], columns: usize, angles: &mut Vec<f32>) -> f32 {
     angles.extend(each.filter(|angle| angle.is_finite()));
     angles.sort_unstable_by(f32::total_cmp);
     angles.get(angles.len() / 2).copied().unwrap_or(0.01).clamp(1e-4, 0.5)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{Camera, Intrinsics};
+
+    #[test]
+    fn all_cells_are_in_the_rows_in_which_floor_can_be() {
+        let (width, height) = (80, 60);
+        let camera = Camera::pinhole(Intrinsics::new(80.0, 80.0, 39.5, 29.5, width, height).unwrap());
+        let rays = RayTable::new(&camera);
+        let floor_rows = |roll: f64, pitch: f64| {
+            let mount = Mount::new([0.0, 0.0, 0.5], [roll, pitch, 0.0]).unwrap();
+            let view = View::new(&rays, &mount, &ObstacleOptions::default());
+            let has_cell = |row: &[u32]| row.iter().any(|cell| *cell != NONE);
+            let with_cell = || view.cell_of.chunks(view.columns).map(has_cell);
+            let first = with_cell().position(|has_cell| has_cell).unwrap_or(0);
+            let end = with_cell().rposition(|has_cell| has_cell).map_or(0, |last| last + 1);
+            assert_eq!(view.floor_rows, first..end, "roll {roll}, pitch {pitch}");
+            view.floor_rows
+        };
+        for pitch in [-1.3, -0.3, 0.3, 1.3] {
+            floor_rows(0.4, pitch);
+        }
+        let level = floor_rows(0.0, 0.0);
+        assert!((31..45).contains(&level.start) && level.end == 60, "{level:?}: below the horizon");
+        let turned_over = floor_rows(std::f64::consts::PI, 0.0);
+        assert!(turned_over.start == 0 && turned_over.end < 30, "{turned_over:?}");
+    }
 }
