@@ -59,6 +59,12 @@ impl RateLimit {
         self.last = Some((meaning, now));
         Some(allowed)
     }
+
+    /// The message that a frame is lost, if [`Self::allow_text`] allows it.
+    pub fn lost_frame(&mut self, now: Instant, number: u64, why: &dyn fmt::Display) -> Option<String> {
+        let text = format!("frame {number} is lost: {why:#}");
+        self.allow_text(now, &text).map(|suppressed| format!("{text}{suppressed}"))
+    }
 }
 
 /// A hash of a text without its numbers; digits of names, which are between backticks, count.
@@ -114,6 +120,15 @@ mod tests {
             (allow(12, "cannot read `a1.png`"), allow(12, "cannot read `a2.png`")),
             (Some(0), Some(0))
         );
+    }
+
+    #[test]
+    fn frames_that_are_lost_for_one_reason_are_one_message_per_period() {
+        let (mut limit, start) = (RateLimit::default(), Instant::now());
+        assert_eq!(limit.lost_frame(start, 7, &"no data").as_deref(), Some("frame 7 is lost: no data"));
+        assert_eq!(limit.lost_frame(start, 8, &"no data"), None);
+        let next = limit.lost_frame(start + PERIOD, 9, &"no data");
+        assert_eq!(next, Some(format!("frame 9 is lost: no data{}", Suppressed(1))));
     }
 
     #[test]

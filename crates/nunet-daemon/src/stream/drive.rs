@@ -120,9 +120,8 @@ fn hand_over(
     match fill {
         Fill::Frame => return Ok(handler.on_frame(frame)?.map_break(|()| SourceEnd::Complete)),
         Fill::Failed(error) => {
-            let text = format!("frame {} is lost: {error:#}", frame.sequence);
-            if let Some(suppressed) = lost.allow_text(Instant::now(), &text) {
-                handler.around_log(&mut || warn!("{text}{suppressed}"));
+            if let Some(text) = lost.lost_frame(Instant::now(), frame.sequence, &error) {
+                handler.around_log(&mut || warn!("{text}"));
             }
             handler.on_lost(frame);
         }

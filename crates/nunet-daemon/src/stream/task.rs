@@ -257,14 +257,9 @@ impl StreamTask {
             self.failure = Some(error);
         } else if is_first && self.failures >= MAX_FAILURES_BEFORE_FIRST_FRAME {
             self.failure = Some(error.context(format!("the first {} frames failed", self.failures)));
-        } else {
-            let text = format!("frame {} is lost: {error:#}", frame.sequence);
-            if let Some(suppressed) = self.lost.allow_text(Instant::now(), &text) {
-                error!("{text}{suppressed}");
-                details_of(error.as_ref())
-                    .into_iter()
-                    .for_each(|text| debug!("ONNX Runtime's message: {text}"));
-            }
+        } else if let Some(text) = self.lost.lost_frame(Instant::now(), frame.sequence, &error) {
+            error!("{text}");
+            details_of(error.as_ref()).into_iter().for_each(|text| debug!("ONNX Runtime's message: {text}"));
         }
     }
 

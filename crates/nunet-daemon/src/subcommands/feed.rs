@@ -54,11 +54,12 @@ pub(crate) fn feed(options: &FeedOptions) -> anyhow::Result<Outcome> {
     let mut feeder = Feeder::new(options.camera.clone(), resolver, &images, &stop);
     let pace = Pace::of(&options.source);
     let end = serving_late_joiners(&images, || drive(source.as_mut(), pace, &stop, &mut feeder))?;
-    info!("camera `{}`: {} frames sent, {} failed", feeder.camera, feeder.sent, feeder.failed);
-    if feeder.failed > 0 {
-        error!("{} of {} frames were lost", feeder.failed, feeder.sent + feeder.failed);
+    let Feeder { camera, sent, superseded, failed, .. } = feeder;
+    info!("camera `{camera}`: {sent} frames sent, {superseded} superseded, {failed} failed");
+    if failed > 0 {
+        error!("{failed} of {} frames were lost", sent + failed);
     }
-    Ok(if feeder.failed == 0 && end != SourceEnd::Truncated { Outcome::Done } else { Outcome::Lost })
+    Ok(if failed == 0 && end != SourceEnd::Truncated { Outcome::Done } else { Outcome::Lost })
 }
 
 /// Sends the last image to readers that join while `feed` waits for the next one. It runs on its own thread, because a
@@ -97,6 +98,8 @@ struct Feeder<'a> {
     frame: Frame,
     lost: RateLimit,
     sent: u64,
+    /// Newer ones replaced them within the source.
+    superseded: u64,
     failed: u64,
 }
 
@@ -116,7 +119,8 @@ impl<'a> Feeder<'a> {
         stop: &Stop,
     ) -> Self {
         let (frame, lost) = (Frame::default(), RateLimit::default());
-        Self { camera, resolver, images, stop: stop.clone(), frame, lost, sent: 0, failed: 0 }
+        let stop = stop.clone();
+        Self { camera, resolver, images, stop, frame, lost, sent: 0, superseded: 0, failed: 0 }
     }
 
     /// Sends a frame; opens shared memory at the first one.
@@ -151,9 +155,8 @@ impl<'a> Feeder<'a> {
     }
 
     fn lose(&mut self, frame: &Frame, error: &anyhow::Error) {
-        let text = format!("frame {} is lost: {error:#}", frame.sequence);
-        if let Some(suppressed) = self.lost.allow_text(Instant::now(), &text) {
-            warn!("{text}{suppressed}");
+        if let Some(text) = self.lost.lost_frame(Instant::now(), frame.sequence, error) {
+            warn!("{text}");
         }
         self.failed += 1;
     }
@@ -165,12 +168,14 @@ impl FrameHandler for Feeder<'_> {
     }
 
     fn on_frame(&mut self, frame: Frame) -> anyhow::Result<ControlFlow<()>> {
+        self.superseded += frame.superseded;
         let sent = self.send(&frame);
         self.frame = frame;
         sent
     }
 
     fn on_lost(&mut self, frame: Frame) {
+        self.superseded += frame.superseded;
         self.failed += 1;
         self.frame = frame;
     }
@@ -235,9 +240,9 @@ mod tests {
 
     use super::*;
     use crate::exit::camera_name;
-    use crate::source::{Fill, Rate, Source};
+    use crate::source::{Fill, Rate, Source, SourceError};
 
-    /// A gray image, and then a color one.
+    /// A gray image, and then color ones, each instead of as many others as its number. The fourth cannot be read.
     struct Turning(u64);
 
     impl Source for Turning {
@@ -247,9 +252,9 @@ mod tests {
             frame.format = Some(format);
             frame.row_stride = format.min_stride(4);
             frame.buffer(format.byte_len(4, 2, frame.row_stride));
-            frame.sequence = self.0;
+            (frame.sequence, frame.superseded) = (self.0, self.0);
             self.0 += 1;
-            Fill::Frame
+            if self.0 == 4 { Fill::Failed(SourceError::bad_frame("unreadable")) } else { Fill::Frame }
         }
     }
 
@@ -260,8 +265,8 @@ mod tests {
         let images = OnceLock::new();
         let stop = Stop::default();
         let mut feeder = Feeder::new(camera, CameraResolver::default(), &images, &stop);
-        let pace = Pace { rate: Rate::Max, limit: NonZeroU64::new(3) };
+        let pace = Pace { rate: Rate::Max, limit: NonZeroU64::new(4) };
         drive(&mut Turning(0), pace, &stop, &mut feeder).unwrap();
-        assert_eq!((feeder.sent, feeder.failed), (1, 2));
+        assert_eq!((feeder.sent, feeder.superseded, feeder.failed), (1, 6, 3));
     }
 }

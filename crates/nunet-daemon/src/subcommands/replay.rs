@@ -163,9 +163,8 @@ impl FrameHandler for Replay {
         match self.replay_frame(&mut frame) {
             Ok(()) => self.frames += 1,
             Err(ReplayError::Frame(error)) => {
-                let text = format!("frame {} is lost: {error:#}", frame.sequence);
-                if let Some(suppressed) = self.lost.allow_text(Instant::now(), &text) {
-                    self.progress.suspend(|| warn!("{text}{suppressed}"));
+                if let Some(text) = self.lost.lost_frame(Instant::now(), frame.sequence, &error) {
+                    self.progress.suspend(|| warn!("{text}"));
                 }
                 self.failed += 1;
             }
