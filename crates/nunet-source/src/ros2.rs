@@ -1,5 +1,7 @@
 //! Images on a live topic of ROS 2: `ros2:TOPIC`, `ros2:TOPIC@DOMAIN` or `ros2:TOPIC@zenoh`.
 
+mod losses;
+
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -13,6 +15,7 @@ use nunet_ros2_link::{
 use nunet_types::Hint as _;
 use tracing::{debug, info, warn};
 
+use self::losses::Losses;
 use crate::error::{SourceError, SourceErrorKind};
 use crate::recorded_image::ImageConverter;
 use crate::silence::Silence;
@@ -28,8 +31,10 @@ const DISCOVERY_PERIOD: Duration = Duration::from_millis(200);
 /// How long the first images are dropped while their camera has a publisher and is not described yet: drivers
 /// send both together, in any order.
 const CAMERA_GRACE: Duration = Duration::from_secs(1);
-/// How often lost images are reported.
-const LOSS_PERIOD: Duration = Duration::from_secs(10);
+/// The longest time that a subscriber without publishers is kept before one of another type takes its place. The first is
+/// kept for [`DISCOVERY_PERIOD`], each further one twice as long as the last: publishers that were killed are listed for
+/// minutes, and two of different types would take turns five times per second.
+const MAX_TYPE_PERIOD: Duration = Duration::from_secs(10);
 /// The node to which the subscribers belong.
 const NODE: &str = "nunetd_source";
 const IMAGE_TYPES: [MessageType; 2] = [MessageType::Image, MessageType::CompressedImage];
@@ -137,6 +142,9 @@ struct Images {
     decoder: TopicDecoder,
     subscriber: Box<dyn MessageSubscriber>,
     publishers: usize,
+    /// When it was made, and how long it is kept without publishers.
+    made: Instant,
+    kept_for: Duration,
 }
 
 impl Ros2Source {
@@ -146,8 +154,13 @@ impl Ros2Source {
     /// The network cannot be used.
     pub fn open(topic: &str, link: &LinkName, environment: &Environment) -> Result<Self, SourceError> {
         let link = connect(link, environment).map_err(source_error)?;
+        Self::over(topic, link).map_err(source_error)
+    }
+
+    /// The same over an open connection.
+    fn over(topic: &str, link: Arc<dyn Link>) -> Result<Self, Ros2Error> {
         let endpoint = Endpoint { topic: &camera_topic(topic), message_type: MessageType::CameraInfo };
-        let cameras = link.subscriber(NODE, &endpoint).map_err(source_error)?;
+        let cameras = link.subscriber(NODE, &endpoint)?;
         announce(&*link);
         let mut silence = Silence::default();
         silence.begins(Instant::now());
@@ -175,7 +188,7 @@ impl Ros2Source {
         let now = Instant::now();
         if self.looked.is_none_or(|last| now.duration_since(last) >= DISCOVERY_PERIOD) {
             self.looked = Some(now);
-            self.look_for_publishers()?;
+            self.look_for_publishers(now)?;
         }
         let Some(images) = &mut self.images else {
             std::thread::sleep(POLL_TIMEOUT);
@@ -187,6 +200,7 @@ impl Ros2Source {
             return Ok(Fill::Nothing);
         }
         self.silence.ends(Instant::now());
+        images.kept_for = DISCOVERY_PERIOD;
         Ok(match taken {
             Arrival::Message(received) => self.describe(received, frame)?,
             Arrival::TooLarge { bytes, limit } => {
@@ -201,11 +215,11 @@ impl Ros2Source {
     }
 
     /// Connects to publishers of images and of the camera, as soon as the type of the images is known.
-    fn look_for_publishers(&mut self) -> Result<(), Ros2Error> {
+    fn look_for_publishers(&mut self, now: Instant) -> Result<(), Ros2Error> {
         self.cameras.update()?;
         if let Some(images) = &mut self.images {
             images.publishers = images.subscriber.update()?;
-            if images.publishers > 0 {
+            if images.publishers > 0 || now.duration_since(images.made) < images.kept_for {
                 return Ok(());
             }
         }
@@ -214,7 +228,7 @@ impl Ros2Source {
         let is_new =
             |known: &MessageType| types.iter().any(|name| name == known.name()) && current != Some(*known);
         match IMAGE_TYPES.into_iter().find(is_new) {
-            Some(message_type) => self.subscribe(message_type),
+            Some(message_type) => self.subscribe(message_type, now),
             None => {
                 self.remind_of_type(&types);
                 Ok(())
@@ -222,16 +236,20 @@ impl Ros2Source {
         }
     }
 
-    fn subscribe(&mut self, message_type: MessageType) -> Result<(), Ros2Error> {
-        self.images = None; // a topic has one type at a time
+    fn subscribe(&mut self, message_type: MessageType, now: Instant) -> Result<(), Ros2Error> {
+        // It ends first: a topic has one type at a time.
+        let last_kept_for = self.images.take().map(|last| last.kept_for);
         let Some(decoder) = TopicDecoder::new(&self.topic, message_type.name()) else { return Ok(()) };
         let endpoint = Endpoint { topic: &self.topic, message_type };
         let mut subscriber = self.link.subscriber(NODE, &endpoint)?;
         let publishers = subscriber.update()?;
         announce(&*self.link);
         info!("subscribed to topic `{}` ({})", self.topic, message_type.name());
-        self.silence.begins(Instant::now());
-        self.images = Some(Images { message_type, decoder, subscriber, publishers });
+        if last_kept_for.is_none() {
+            self.silence.begins(now);
+        }
+        let kept_for = last_kept_for.map_or(DISCOVERY_PERIOD, |last| (2 * last).min(MAX_TYPE_PERIOD));
+        self.images = Some(Images { message_type, decoder, subscriber, publishers, made: now, kept_for });
         Ok(())
     }
 
@@ -328,21 +346,5 @@ impl Source for Ros2Source {
     }
 }
 
-/// Images that were lost on the network.
-#[derive(Debug, Default)]
-struct Losses {
-    count: u64,
-    reported: Option<Instant>,
-}
-
-impl Losses {
-    fn add(&mut self, count: u64, topic: &str) {
-        self.count += count;
-        let is_due = self.reported.is_none_or(|last| last.elapsed() >= LOSS_PERIOD);
-        if self.count > 0 && is_due {
-            let hint = "raise net.core.rmem_max, so that whole images fit into the receive buffer";
-            warn!(hint, "{} images on topic `{topic}` were lost on the network", self.count);
-            *self = Self { count: 0, reported: Some(Instant::now()) };
-        }
-    }
-}
+#[cfg(test)]
+mod tests;
