@@ -75,6 +75,15 @@ class Daemon:
         assert self.process.wait(TIMEOUT_S) == code, self.log.read_text()
         return json.loads((self.out / "stats.json").read_text())
 
+    def final_counts(self) -> dict[str, int]:
+        """Its counts of messages, after it has ended.
+
+        Those in the stats are taken before the last frame has left, because a network that hangs must not delay them.
+        """
+        pattern = r"ROS 2: (\d+) messages sent, (\d+) not taken, (\d+) frames superseded"
+        (found,) = re.findall(pattern, self.log.read_text())
+        return dict(zip(("sent", "not_taken", "superseded"), map(int, found), strict=True))
+
     def wait_for_log(self, pattern: str, count: int = 1) -> list[str]:
         """Waits until the log has so many matches of a pattern, and returns all of them."""
         end = time.monotonic() + TIMEOUT_S
