@@ -100,12 +100,14 @@ fn supersede_when_stopped(state: &StreamState) {
 
 #[cfg(test)]
 mod tests {
+    use nunet_ipc::{Encoding, Limits, Publisher, Topic, TopicPlan, monotonic_nanos};
     use nunet_telemetry::Counts;
     use std::num::NonZeroU64;
     use std::time::Instant;
 
     use super::*;
-    use crate::source::{Fill, Taken};
+    use crate::exit::camera_name;
+    use crate::source::{Fill, OpenOptions, SourceName, Taken};
 
     /// Frames by number; some are unreadable; the end comes after `count`.
     struct Numbers {
@@ -205,6 +207,43 @@ mod tests {
         let state = StreamState::default();
         capture(&mut Replacing(0), Pace::ALL, &state).unwrap();
         let expected = Counts { captured: 6, superseded: 3, failed: 2, in_flight: 1, ..Counts::default() };
+        assert_eq!(state.ledger.counts(), expected);
+    }
+
+    /// They are lent at once, so that the mailbox replaces them. Their numbers may skip some that were never sent.
+    #[test]
+    fn frames_in_shared_memory_that_newer_ones_replace_are_superseded_and_skipped_numbers_are_not() {
+        nunet_ipc::use_root(&nunet_testkit::ipc_root()).unwrap();
+        let camera = camera_name(&format!("replaced_{}", std::process::id())).unwrap();
+        let plan = TopicPlan { topic: Topic::Rgb, payload_bytes: 4 };
+        let publisher = Publisher::create(&camera, &[plan], &Limits::default()).unwrap();
+        let mut source = SourceName::parse(&format!("shm:{camera}")).open(OpenOptions::default()).unwrap();
+        let state = StreamState::default();
+        let send = |sequence, captured| {
+            let mut loan = publisher.loan(Topic::Rgb).unwrap();
+            let header = loan.header_mut();
+            (header.sequence, header.width, header.height, header.row_stride_bytes) = (sequence, 2, 2, 2);
+            header.set_encoding(Encoding::Mono8);
+            loan.publish(monotonic_nanos()).unwrap();
+            let start = Instant::now();
+            while state.ledger.counts().captured < captured {
+                assert!(start.elapsed() < Duration::from_secs(60), "frame {sequence} never came");
+                publisher.refresh().unwrap(); // for the source, which connects late
+                std::thread::sleep(Duration::from_millis(1));
+            }
+        };
+        std::thread::scope(|scope| {
+            let _closed = CloseOnDrop(&state); // a test that fails comes to its end as well
+            scope.spawn(|| capture(source.as_mut(), Pace::ALL, &state).unwrap());
+            send(7, 1);
+            let _processed = state.mailbox.take(Duration::from_secs(60));
+            for (sequence, captured) in [(8, 2), (20, 3), (21, 4), (50, 5)] {
+                send(sequence, captured);
+            }
+            let waiting = state.mailbox.take(Duration::from_secs(60));
+            assert!(matches!(waiting, Taken::Item(Frame { sequence: 50, .. })), "the newest is not replaced");
+        });
+        let expected = Counts { captured: 5, superseded: 3, in_flight: 2, ..Counts::default() };
         assert_eq!(state.ledger.counts(), expected);
     }
 
