@@ -141,6 +141,20 @@ fn a_recording_holds_the_attitude_and_a_replay_finds_the_same_obstacles() {
 }
 
 #[test]
+fn a_recording_without_an_attitude_is_reported_without_an_empty_hint() {
+    let bench = Bench::new();
+    let (model, file, name) = (bench.arg("model.onnx"), bench.arg("level.mcap"), camera("level"));
+    let command = |rest: &[&str]| {
+        let mut command = nunetd(&["--model", &model, "--camera", &name, "--mount", MOUNT]);
+        command.args(rest);
+        command
+    };
+    run_well(command(&["--source", "demo", "--frames", "1", "--record", &file]));
+    let log = text(&run_well(command(&["--source", &file, "--attitude", "recording"])).stderr);
+    assert!(log.contains("the recording states none") && !log.contains("hint=\"\""), "{log}");
+}
+
+#[test]
 fn frames_without_an_attitude_are_counted() {
     let bench = Bench::new();
     let (model, stats, name) = (bench.arg("model.onnx"), bench.arg("stats.json"), camera("no-attitude"));

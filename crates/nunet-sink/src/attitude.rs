@@ -137,7 +137,7 @@ impl AttitudeStage {
         self.is_known = tilted.is_ok();
         let (attitude, mount) = tilted.unwrap_or_else(|(reason, hint)| {
             self.frames_without += 1;
-            self.warn(&reason, &hint.unwrap_or_default());
+            self.warn(&reason, hint.as_deref());
             ([0.0; 2], self.level)
         });
         if self.is_known && self.frames - self.frames_without == 1 {
@@ -153,7 +153,7 @@ impl AttitudeStage {
         is_new.then_some(mount)
     }
 
-    fn warn(&mut self, reason: &str, hint: &str) {
+    fn warn(&mut self, reason: &str, hint: Option<&str>) {
         let Self { frames, frames_without, .. } = self;
         let text = format!(
             "the robot counts as level in {frames_without} of {frames} frames, because its attitude is unknown: {reason}"
