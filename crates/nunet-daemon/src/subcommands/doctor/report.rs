@@ -24,9 +24,17 @@ impl Problem {
     /// The problem for an error.
     pub(super) fn of(error: impl Into<anyhow::Error>) -> Self {
         let (message, hints) = message_and_hints(&error.into());
-        let detail = message.replace(CAUSE_MARK, ": ");
+        let detail = in_one_line(&message.replace(CAUSE_MARK, ": "));
         Self { detail, hint: (!hints.is_empty()).then(|| hints.join("; ")) }
     }
+}
+
+/// The later lines of an error, such as the folders that were searched, as a list: a check has one line.
+fn in_one_line(text: &str) -> String {
+    let mut lines = text.lines().map(str::trim);
+    let first = lines.next().unwrap_or_default();
+    let rest = lines.collect::<Vec<_>>().join(", ");
+    if rest.is_empty() { first.to_owned() } else { format!("{first} {rest}") }
 }
 
 /// One check.
@@ -90,5 +98,12 @@ mod tests {
         let text = checks.text();
         assert_eq!(text.lines().count(), 3, "{text}");
         assert!(text.contains("  camera a\\nok: `b`\\nok\n"), "{text}");
+    }
+
+    #[test]
+    fn the_lines_of_an_error_become_a_list() {
+        let error = anyhow::anyhow!("no library; searched\n    `a b`: /lib\n    system: /usr/lib");
+        assert_eq!(Problem::of(error).detail, "no library; searched `a b`: /lib, system: /usr/lib");
+        assert_eq!(Problem::of(anyhow::anyhow!("no model")).detail, "no model");
     }
 }
