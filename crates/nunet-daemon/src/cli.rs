@@ -64,6 +64,7 @@ pub const DEFAULT_MODEL: &str = "wnet_c.onnx";
 /// Without a subcommand, nunetd runs the subcommand `run`: see `nunetd run --help` for its flags.
 #[derive(Debug, Parser)]
 #[command(name = "nunetd", version, subcommand_required = true)]
+#[command(override_usage = "nunetd [OPTIONS] [COMMAND]")] // `run` is the default
 pub struct Cli {
     #[command(flatten)]
     pub logging: LogArgs,

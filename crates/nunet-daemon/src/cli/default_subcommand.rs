@@ -26,7 +26,13 @@ fn refuse_unknown_subcommand(argument: Option<&OsString>) -> Result<(), clap::Er
             let names: Vec<_> =
                 subcommands.iter().map(|subcommand| subcommand.get_name().to_owned()).collect();
             let message = format!("`{word}` is not a subcommand of nunetd");
-            let message = join_hint(message, format!("one of {}", names.join(", ")));
+            let is_path = word.contains(['/', '.', ':']);
+            let hint = if is_path {
+                format!("pass a source as --source {word}")
+            } else {
+                format!("one of {}", names.join(", "))
+            };
+            let message = join_hint(message, hint);
             Err(command.error(clap::error::ErrorKind::InvalidSubcommand, message))
         }
         _ => Ok(()),

@@ -21,7 +21,8 @@ use crate::source::{CameraGeometry, Rotation};
 /// The intrinsics or calibration, if known.
 #[derive(Debug, Args, Clone, Deserialize)]
 pub struct GeometryArgs {
-    /// Focal lengths and principal point in pixels, for a camera without distortion; `@WxH` is the size they are valid for
+    /// Focal lengths and principal point in pixels, for a camera without distortion; `@WxH` is the size they are
+    /// valid for, by default that of the images
     #[arg(long, value_name = "fx,fy,cx,cy[@WxH]", allow_hyphen_values = true)]
     pub intrinsics: Option<Text<IntrinsicsSpec>>,
     /// A calibration with distortion: a ROS `camera_info` file, a Kalibr camchain, or YAML of OpenCV

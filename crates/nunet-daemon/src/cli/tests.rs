@@ -50,6 +50,19 @@ fn an_unknown_subcommand_lists_the_known_ones() {
 }
 
 #[test]
+fn a_source_in_place_of_a_subcommand_is_answered_with_its_flag() {
+    for source in ["/dev/video0", "drive.mcap", "shm:front"] {
+        let error = Cli::parse_line(["nunetd", source].map(OsString::from)).unwrap_err().to_string();
+        assert!(error.contains(&format!("hint: pass a source as --source {source}\n")), "{error}");
+    }
+}
+
+#[test]
+fn the_usage_says_that_a_subcommand_is_optional() {
+    assert!(Cli::command().render_usage().to_string().ends_with(" [COMMAND]"));
+}
+
+#[test]
 fn an_error_of_a_number_or_address_names_what_is_expected() {
     let count = "expected a whole number of 1 or more, got `0`";
     for (line, part) in [
@@ -69,6 +82,7 @@ fn an_error_of_a_number_or_address_names_what_is_expected() {
         ("nunetd eval data --depth-scale 1e-300", "such as 0.001, got `1e-300`"),
         ("nunetd calibrate --truth data --depth-cap 1e-300", "such as 0.001, got `1e-300`"),
         ("nunetd --metrics 9477", "expected ADDRESS:PORT, such as `127.0.0.1:9477`, got `9477`"),
+        ("nunetd --view localhost:8080", "hint: write the address in numbers"),
     ] {
         let error = Cli::parse_line(line.split(' ').map(OsString::from)).unwrap_err();
         assert_eq!(error.exit_code(), 2, "{line}");

@@ -84,6 +84,7 @@ impl FromText for SocketAddr {
     fn from_text(text: &str) -> Result<Self, BadArguments> {
         text.parse().map_err(|_| {
             BadArguments::new(format!("expected ADDRESS:PORT, such as `127.0.0.1:9477`, got `{text}`"))
+                .with_hint("write the address in numbers: 127.0.0.1 is this machine")
         })
     }
 }
