@@ -22,7 +22,7 @@ use crate::scale::ScaleError;
 /// use nunet_core::camera::IntrinsicsSpec;
 ///
 /// let error = "500,500,320".parse::<IntrinsicsSpec>().unwrap_err();
-/// assert_eq!(error.to_string(), "intrinsics `500,500,320` have 3 values, expected 4");
+/// assert_eq!(error.to_string(), "expected 4 intrinsics, got 3: `500,500,320`");
 /// assert_eq!(nunet_core::hint_of(&error).unwrap(), "write `fx,fy,cx,cy` or `fx,fy,cx,cy@WxH`");
 /// ```
 #[must_use]

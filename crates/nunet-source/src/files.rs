@@ -198,7 +198,8 @@ fn no_images(path: &Path) -> SourceError {
             .with_hint(hint);
     }
     if path.is_dir() {
-        return SourceError::bad_arguments(format!("the folder `{shown}` has no JPEG or PNG image"));
+        return SourceError::bad_arguments(format!("the folder `{shown}` has no JPEG or PNG image"))
+            .with_hint("name the folder that holds the images; folders in it are not searched");
     }
     SourceError::bad_arguments(format!("no source `{shown}`: no such file or folder, and no file matches it as a glob"))
         .with_hint(

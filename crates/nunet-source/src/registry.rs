@@ -129,8 +129,7 @@ impl SourceName {
             }
             (SizeUse::None, Some(_), _) | (SizeUse::None, _, Some(_)) => {
                 return bad(
-                    "a size is for cameras and raw images, a format for raw images: every other source states them itself"
-                        .to_owned(),
+                    "a size is for cameras and raw images, a format for raw images: omit them".to_owned()
                 );
             }
             _ => {}

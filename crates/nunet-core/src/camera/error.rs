@@ -12,7 +12,7 @@ use crate::error_kind::ErrorKind;
 #[non_exhaustive]
 pub enum CameraError {
     /// Not four numbers.
-    #[error("intrinsics `{text}` have {got} values, expected 4")]
+    #[error("expected 4 intrinsics, got {got}: `{text}`")]
     Count {
         /// How many there are.
         got: usize,

@@ -231,6 +231,9 @@ impl Hint for GraphError {
             )
             .into(),
             Self::EveryTwice { .. } => "name each stage once".into(),
+            Self::UnknownStage { .. } => {
+                "name one of the stages; only a staged graph, such as wnet_c.toml, has several".into()
+            }
             _ => return None,
         })
     }

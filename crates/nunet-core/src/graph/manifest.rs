@@ -199,6 +199,9 @@ impl Hint for ManifestError {
                 format!("use 1 to {MAX_STAGE_NAME} lower-case letters, digits, `_` or `-`").into()
             }
             Self::ModelOutside { .. } => "use a path relative to the manifest, without `..`".into(),
+            Self::Syntax { reason } if reason.contains("unknown field `input`") => {
+                "pass the .onnx file beside it, if this is its sidecar".into()
+            }
             _ => return None,
         })
     }
@@ -237,7 +240,13 @@ mod tests {
     fn unknown_keys_are_refused_by_name() {
         let error = Manifest::parse(&TWO_STAGES.replace("every = 2", "evry = 2")).unwrap_err();
         let ManifestError::Syntax { reason } = &error else { panic!("{error}") };
-        assert!(reason.contains("unknown field `evry`"), "{reason}");
+        assert!(reason.contains("unknown field `evry`") && error.hint().is_none(), "{reason}");
+    }
+
+    #[test]
+    fn a_sidecar_in_place_of_a_manifest_has_a_hint() {
+        let error = Manifest::parse("[input]\ntensor = \"image\"\n").unwrap_err();
+        assert!(matches!(error, ManifestError::Syntax { .. }) && error.hint().is_some(), "{error}");
     }
 
     #[test]

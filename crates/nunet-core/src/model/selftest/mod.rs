@@ -68,12 +68,12 @@ impl SelfTestReport {
 }
 
 impl fmt::Display for SelfTestReport {
-    /// `passed, off by 0.0003 of 0.002 allowed` or `none in the file`
+    /// `passed: depth differs by 3.00e-4, allowed 2.00e-3` or `none in the file`
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if !self.checked {
             return f.write_str("none in the file");
         }
-        write!(f, "passed, off by {:.2e} of {:.2e} allowed", self.worst_depth, self.tolerance)
+        write!(f, "passed: depth differs by {:.2e}, allowed {:.2e}", self.worst_depth, self.tolerance)
     }
 }
 
