@@ -172,7 +172,7 @@ impl Report {
         text += &self.sparsification.as_ref().map(sparsification_lines).unwrap_or_default();
         text += &self.obstacles.as_ref().map(ObstacleScores::text).unwrap_or_default();
         text += &format!(
-            "{} pixels compared, {} without a prediction, {} of truth beyond what is compared",
+            "{} pixels compared, {} without a prediction, {} with true depth outside of what is compared",
             self.pixels, self.pixels_without_prediction, self.pixels_beyond
         );
         text

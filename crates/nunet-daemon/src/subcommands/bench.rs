@@ -186,7 +186,7 @@ impl Subject {
         );
         let mut text = format!("{}\n  {SERIES_HEAD}\n", printable::one_line(&title));
         let stages = self.pipeline.stage_names().iter().map(String::as_str).zip(&self.stages);
-        let sums = [("networks", &self.networks), ("end to end", &self.end_to_end)];
+        let sums = [("all networks", &self.networks), ("end to end", &self.end_to_end)];
         for (name, series) in stages.chain(sums) {
             text += &format!("  {}\n", series.row(name));
         }

@@ -123,8 +123,8 @@ pub enum CalibrateError {
         is_meters: bool,
     },
     /// A factor out of range.
-    #[error("the found factor cannot be right")]
-    Factor(#[from] CameraError),
+    #[error("the found factor cannot be right: {0}")]
+    Factor(CameraError),
     /// The dataset cannot be used.
     #[error(transparent)]
     Dataset(#[from] EvalError),
@@ -150,6 +150,13 @@ impl CalibrateError {
             Self::Pipeline(_) => EvalErrorKind::Model,
             Self::Dataset(error) => error.kind(),
         }
+    }
+}
+
+impl From<CameraError> for CalibrateError {
+    /// Not as the cause, whose hint is for a factor that the user passed.
+    fn from(error: CameraError) -> Self {
+        Self::Factor(error)
     }
 }
 
@@ -208,5 +215,11 @@ mod tests {
         assert_eq!((error.kind(), error.hint()), (EvalErrorKind::Argument, hint));
         let bad = CalibrateError::from(SourceError::bad_frame("cut off"));
         assert_eq!(bad.kind(), EvalErrorKind::Image);
+    }
+
+    #[test]
+    fn a_factor_out_of_range_has_one_hint() {
+        let error = CalibrateError::from(CameraError::ScaleFactor { factor: 500.0, min: 0.05, max: 20.0 });
+        assert!(error.hint().is_some() && std::error::Error::source(&error).is_none(), "{error}");
     }
 }
