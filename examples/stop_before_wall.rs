@@ -1,5 +1,6 @@
 //! A speed that stops the robot before the nearest obstacle ahead, as reported by a running `nunetd`:
-//! `nunetd --camera front --mount 0.1,0,0.25,0,-0.07,0`, then `cargo run -p nunet-ipc --example stop_before_wall front`.
+//! `nunetd --source /dev/video0 --camera front --mount 0.1,0,0.25,0,-0.07,0`, then
+//! `cargo run -p nunet-ipc --example stop_before_wall front`.
 
 #![allow(clippy::print_stdout, reason = "an example prints its answer")]
 
