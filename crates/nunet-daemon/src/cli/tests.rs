@@ -58,6 +58,16 @@ fn a_source_in_place_of_a_subcommand_is_answered_with_its_flag() {
 }
 
 #[test]
+fn a_file_too_many_is_answered_with_a_tip_about_globs() {
+    let error = |file: &str| {
+        let line = ["nunetd", "--source", "a.jpg", file].map(OsString::from);
+        Cli::parse_line(line).unwrap_err().to_string()
+    };
+    assert!(error("Cargo.toml").contains("tip: quote a glob"), "{}", error("Cargo.toml"));
+    assert!(!error("none.jpg").contains("glob"), "{}", error("none.jpg"));
+}
+
+#[test]
 fn the_usage_says_that_a_subcommand_is_optional() {
     assert!(Cli::command().render_usage().to_string().ends_with(" [COMMAND]"));
 }

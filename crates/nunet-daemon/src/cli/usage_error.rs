@@ -2,12 +2,24 @@
 
 use std::ffi::OsString;
 use std::io::Write as _;
+use std::path::Path;
 
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 use nunet_types::split_hint;
 
 use crate::config::LogOptions;
 use crate::{Outcome, exit, logging};
 use nunet_sink::stdout::StdoutError;
+
+/// Adds a tip if an unexpected argument is a file: the shell may have put its name in place of a glob.
+pub(super) fn with_tip_about_globs(mut error: clap::Error) -> clap::Error {
+    let word = error.get(ContextKind::InvalidArg).map(ToString::to_string);
+    if error.kind() == ErrorKind::UnknownArgument && word.is_some_and(|word| Path::new(&word).exists()) {
+        let tip = "quote a glob, as in 'images/*.jpg'; `run` takes its source by --source";
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
+    }
+    error
+}
 
 /// Prints clap's message and returns the exit code (help and version are no failure). `arguments` may request
 /// JSON even if the rest of them is wrong.
