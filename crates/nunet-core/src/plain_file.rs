@@ -4,6 +4,9 @@ use std::fs::File;
 use std::io::{self, ErrorKind, Read as _, Take};
 use std::path::Path;
 
+/// How some editors begin a text in UTF-8. Most parsers refuse it.
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
 /// Opens a regular file for reading its first `most` bytes; `None` for a folder, a pipe, a socket or a device, which is not
 /// opened.
 ///
@@ -17,7 +20,7 @@ pub fn open(path: &Path, most: u64) -> io::Result<Option<Take<File>>> {
     File::open(path).map(|file| Some(file.take(most)))
 }
 
-/// Reads a text file of at most `most` bytes.
+/// Reads a text file of at most `most` bytes. A byte order mark at its start is skipped.
 ///
 /// # Errors
 /// As [`File::open`]; not a regular file, longer, or not UTF-8.
@@ -27,6 +30,9 @@ pub fn read_text(path: &Path, most: u64) -> io::Result<String> {
     let length = open(path, most.saturating_add(1))?.ok_or_else(irregular)?.read_to_end(&mut bytes)?;
     if length as u64 > most {
         return Err(io::Error::new(ErrorKind::InvalidData, format!("it is longer than {most} bytes")));
+    }
+    if bytes.starts_with(BYTE_ORDER_MARK) {
+        bytes.drain(..BYTE_ORDER_MARK.len());
     }
     String::from_utf8(bytes).map_err(|_| io::Error::new(ErrorKind::InvalidData, "it is not UTF-8 text"))
 }
@@ -53,11 +59,21 @@ mod tests {
     }
 
     #[test]
+    fn a_text_is_read_without_a_byte_order_mark() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        for (written, read) in [("\u{feff}1\u{e9}", "1\u{e9}"), ("\u{feff}", ""), ("1\u{feff}", "1\u{feff}")]
+        {
+            std::fs::write(&path, written).unwrap();
+            assert_eq!(read_text(&path, 6).unwrap(), read);
+        }
+    }
+
+    #[test]
     fn a_text_that_is_too_long_or_not_utf8_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a");
         std::fs::write(&path, "\u{feff}1\u{e9}").unwrap();
-        assert_eq!(read_text(&path, 6).unwrap(), "\u{feff}1\u{e9}");
         // The limit is inside of a character.
         assert_eq!(read_text(&path, 4).unwrap_err().to_string(), "it is longer than 4 bytes");
         std::fs::write(&path, b"\xff").unwrap();

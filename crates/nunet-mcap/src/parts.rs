@@ -207,6 +207,8 @@ mod tests {
         let metadata = "rosbag2_bagfile_information:\n  storage_identifier: mcap\n  relative_file_paths:\n    - bag/b.mcap\n    - a.mcap\n";
         let bag = folder(&["a.mcap", "b.mcap", "c.mcap"], Some(metadata));
         assert_eq!(names(&bag).unwrap(), ["b.mcap", "a.mcap"]);
+        let marked = folder(&["a.mcap", "b.mcap", "c.mcap"], Some(&format!("\u{feff}{metadata}")));
+        assert_eq!(names(&marked).unwrap(), ["b.mcap", "a.mcap"], "it begins with a byte order mark");
         assert_eq!(parts(&bag.path().join(METADATA)).unwrap().len(), 2, "named itself, it means its folder");
         let silent = "rosbag2_bagfile_information:\n  storage_identifier: mcap\n";
         assert_eq!(names(&folder(&["x.mcap", "b.mcap"], Some(silent))).unwrap(), ["b.mcap", "x.mcap"]);

@@ -150,6 +150,15 @@ mod tests {
     }
 
     #[test]
+    fn the_camera_file_may_begin_with_a_byte_order_mark() {
+        let models = clip(&["a_00.png"]);
+        let file = models.path().join("clip/camera.json");
+        let text = std::fs::read_to_string(&file).unwrap();
+        std::fs::write(&file, format!("\u{feff}{text}")).unwrap();
+        Clip::open(&models.path().join("clip")).unwrap();
+    }
+
+    #[test]
     fn the_clip_is_played_where_there_is_no_drive_and_a_missing_demo_is_an_error() {
         let models = clip(&["a_00.png"]);
         let folders = [models.path().to_owned()];

@@ -70,6 +70,12 @@ def test_a_result_of_nunetd_is_reported_and_what_was_not_measured_is_a_dash(tmp_
     assert paper_table(found).splitlines()[2:] == ["| wnet_c.onnx | - | - | - | 0.0412 |"]
 
 
+def test_a_result_may_begin_with_a_byte_order_mark(tmp_path):
+    path = tmp_path / "eval.json"
+    path.write_text(json.dumps(OF_NUNETD), encoding="utf-8-sig")
+    assert read_evaluation(path)["model"] == "wnet_c.onnx"
+
+
 @pytest.mark.parametrize("model", [3, {"name": 3}, {}, None])
 def test_a_result_whose_model_has_no_name_is_refused(tmp_path, model):
     path = tmp_path / "eval.json"

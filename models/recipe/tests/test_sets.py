@@ -61,6 +61,12 @@ def test_a_list_without_sets_and_one_that_is_not_toml_are_refused(tmp_path):
             read_dataset_list(path)
 
 
+def test_a_list_may_begin_with_a_byte_order_mark(room):
+    path = write_list(room / "list.toml", ROOM)
+    path.write_text(path.read_text(), encoding="utf-8-sig")
+    assert read_dataset_list(path)[0].line == 1
+
+
 def test_two_sets_of_one_name_are_refused(tmp_path):
     with pytest.raises(DataError, match=r"list.toml:6: set `a`: another set of line 1"):
         read_dataset_list(write_list(tmp_path / "list.toml", ROOM, ROOM))

@@ -390,7 +390,7 @@ def test_a_frozen_component_keeps_its_batch_norm_statistics():
 def test_a_trained_run_becomes_a_file_that_says_how_it_was_trained(dataset, tmp_path, capsys):
     run, model = tmp_path / "run", tmp_path / "model.onnx"
     accuracy = tmp_path / "accuracy.json"
-    accuracy.write_text('{"metrics": {"rmse": 0.6}}')
+    accuracy.write_text('{"metrics": {"rmse": 0.6}}', encoding="utf-8-sig")
     assert train(dataset, run, "--architecture", "unet", component="depth", epochs=1) == 0
     export = ["export", "--checkpoint", str(run / "best.pt"), "--accuracy", str(accuracy)]
     whole = accuracy.read_text()

@@ -237,6 +237,11 @@ mod tests {
     }
 
     #[test]
+    fn a_manifest_may_begin_with_a_byte_order_mark() {
+        assert_eq!(Manifest::parse(&format!("\u{feff}{TWO_STAGES}")), Manifest::parse(TWO_STAGES));
+    }
+
+    #[test]
     fn unknown_keys_are_refused_by_name() {
         let error = Manifest::parse(&TWO_STAGES.replace("every = 2", "evry = 2")).unwrap_err();
         let ManifestError::Syntax { reason } = &error else { panic!("{error}") };

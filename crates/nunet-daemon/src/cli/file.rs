@@ -1,6 +1,5 @@
 //! The file of `--config`. Its keys are the long names of flags; `[[camera]]` sections are cameras.
 
-use std::io::Read as _;
 use std::path::Path;
 
 use clap::{Arg, ArgAction, Command};
@@ -39,25 +38,14 @@ impl ConfigFile {
     /// The message, with the file's name and the line if it is known.
     pub(super) fn read(path: &Path, run: &Command, check: &ValueCheck<'_>) -> Result<Self, BadArguments> {
         let in_file = |message: &str| format!("`{}`{}", path.display(), shortened(message));
-        let text =
-            text_of_file(path).map_err(|message| BadArguments::new(in_file(&format!(": {message}"))))?;
+        let text = plain_file::read_text(path, MAX_BYTES)
+            .map_err(|error| BadArguments::new(in_file(&format!(": cannot read it: {error}"))))?;
         let reader = ConfigParser { text: &text, run, check, own: stream_flags() };
         reader.file().map_err(|Mistake { line, error }| {
             let place = line.map(|line| format!(", line {line}")).unwrap_or_default();
             error.map_message(|message| in_file(&format!("{place}: {message}")))
         })
     }
-}
-
-fn text_of_file(path: &Path) -> Result<String, String> {
-    let mut text = String::new();
-    let unreadable = |error| format!("cannot read it: {error}");
-    let file = plain_file::open(path, MAX_BYTES + 1).map_err(unreadable)?;
-    file.ok_or("it is not a regular file")?.read_to_string(&mut text).map_err(unreadable)?;
-    if text.len() as u64 > MAX_BYTES {
-        return Err(format!("it has more than {MAX_BYTES} bytes, too many for a configuration"));
-    }
-    Ok(text)
 }
 
 /// A mistake and its line.

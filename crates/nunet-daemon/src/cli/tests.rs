@@ -154,6 +154,12 @@ fn a_file_is_equivalent_to_flags() {
 }
 
 #[test]
+fn a_file_may_begin_with_a_byte_order_mark() {
+    assert_eq!(run("\u{feff}source = 'demo'\nmodel = 'a.onnx'", "run").model.path, PathBuf::from("a.onnx"));
+    assert_refused("\u{feff}source = 'demo'\nmodle = 'a.onnx'", "`[FILE]`, line 2: unknown key `modle`");
+}
+
+#[test]
 fn flags_win() {
     let file = "source = 'demo'\nmodel = 'a.onnx'\npublish = ['depth', 'cloud']\nloop = true";
     let config = run(file, "--model b.onnx --publish labels");
@@ -259,14 +265,14 @@ fn an_unknown_key_is_an_error_with_the_nearest_name() {
 #[test]
 fn a_file_that_is_endless_or_one_long_line_is_refused_with_a_short_message() {
     let large = parse(&"#".repeat(100_000), "run").unwrap_err();
-    assert!(large.contains("it has more than 65536 bytes"), "{large}");
+    assert!(large.contains("it is longer than 65536 bytes"), "{large}");
     for config in ["#".repeat(100_000), format!("a = {}", "[".repeat(60_000))] {
         let error = parse(&config, "run").unwrap_err();
         assert!(error.contains("`[FILE]`: ") && error.len() < 2000, "{error}");
     }
     let line = ["nunetd", "--config", "/dev/zero"].map(OsString::from);
     let error = Cli::parse_line(line).unwrap_err().to_string();
-    assert!(error.contains("`/dev/zero`: it is not a regular file"), "{error}");
+    assert!(error.contains("`/dev/zero`: cannot read it: it is not a regular file"), "{error}");
 }
 
 #[test]

@@ -386,6 +386,15 @@ mod tests {
     }
 
     #[test]
+    fn the_camera_file_may_begin_with_a_byte_order_mark() {
+        let root = folder(&["rgb/a.png", "depth/a.png"]);
+        let text = "\u{feff}{\"width\": 4, \"height\": 2, \"fx\": 5, \"fy\": 6, \"cx\": 1.5, \"cy\": 0.5}";
+        std::fs::write(root.path().join("camera.json"), text).unwrap();
+        let dataset = Dataset::open(&EvalOptions::new(root.path()), &[], &mut |_| {}).unwrap();
+        assert_eq!(dataset.camera.unwrap().intrinsics.fx_px, 5.0);
+    }
+
+    #[test]
     fn depth_may_be_meters() {
         let root = folder(&["rgb/a.png", "rgb/b.png"]);
         std::fs::create_dir(root.path().join("depth")).unwrap();

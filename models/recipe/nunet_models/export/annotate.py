@@ -72,7 +72,7 @@ def read_accuracy(path: Path) -> dict[str, Any]:
     `ConfigError` naming a file that is not a JSON object.
     """
     try:
-        values = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refused)
+        values = json.loads(path.read_text(encoding="utf-8-sig"), parse_constant=_refused)
     except ValueError as error:  # of JSON or of UTF-8
         raise ConfigError(
             f"`{path}` is not JSON: {error}", hint=f"`evaluate ... > {path.name}` writes it"

@@ -32,7 +32,7 @@ def read_evaluation(path: Path) -> dict[str, Any]:
     `DataError` naming a file that is not such a result.
     """
     try:
-        values = by_name(json.loads(path.read_text(encoding="utf-8")))
+        values = by_name(json.loads(path.read_text(encoding="utf-8-sig")))
         if values.get("model") is None:
             raise KeyError("model")
         for group, kind in (("minmax", dict), ("metrics", dict | None), ("pictures", int)):

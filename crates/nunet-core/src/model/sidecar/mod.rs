@@ -136,6 +136,11 @@ mod tests {
     }
 
     #[test]
+    fn a_sidecar_may_begin_with_a_byte_order_mark() {
+        assert_eq!(Sidecar::parse(&format!("\u{feff}{MIDAS_LIKE}")), Sidecar::parse(MIDAS_LIKE));
+    }
+
+    #[test]
     fn camera_bytes_are_passed_on_unchanged() {
         let text = "[input]\ntensor = \"x\"\nlayout = \"nhwc\"\ndtype = \"uint8\"\nsize = [2, 4]\n\
                     [output]\ndepth = \"y\"\nencoding = \"metric\"\nmax_m = 80\n";

@@ -141,7 +141,7 @@ def read_dataset_list(path: Path) -> list[SetEntry]:
     if not path.is_file():
         raise DataError(f"cannot read the dataset list `{path}`: no such file")
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
         values = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise DataError(f"{path}: not a TOML file: {error}") from error
