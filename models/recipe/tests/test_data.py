@@ -242,6 +242,14 @@ def test_a_folder_of_data_that_is_missing_is_named(tmp_path):
     assert str(raised.value).startswith(message)
 
 
+def test_two_files_of_one_image_are_named(dataset):
+    image = dataset / "rgb" / "0003.png"
+    Image.open(image).save(image.with_suffix(".jpg"))
+    with pytest.raises(DataError) as raised:
+        FolderPairs(dataset, ["0003"], units=DepthUnits())
+    assert str(raised.value).startswith(f"`{image.with_suffix('.jpg')}` and `{image}` are two files")
+
+
 def test_a_list_may_have_a_mark_of_its_order_and_ids_with_spaces(tmp_path):
     path = tmp_path / "ids.txt"
     path.write_bytes("\ufeffliving room 1\r\n\r\n küche\n".encode())

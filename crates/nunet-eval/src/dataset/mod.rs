@@ -3,6 +3,7 @@
 mod cameras;
 mod depth;
 mod ids;
+mod image_path;
 mod labels;
 mod mounts;
 mod pairs;
@@ -24,6 +25,7 @@ use tempfile::TempDir;
 use self::depth::{DepthFile, UnitError};
 pub(crate) use self::ids::read_ids;
 use self::ids::{Listing, list};
+use self::image_path::image_path;
 use self::labels::LabelFolder;
 pub(crate) use self::mounts::ImageMounts;
 use self::pairs::TimePairs;
@@ -175,7 +177,7 @@ impl Dataset {
         frame: &mut Frame,
         on_event: OnEvent<'_>,
     ) -> Result<(), EvalError> {
-        let path = self.path("rgb", id, &IMAGE_EXTENSIONS);
+        let path = self.path("rgb", id, &IMAGE_EXTENSIONS)?;
         self.check_joined("rgb", id, &path)?;
         frame.camera = self.cameras.get(id).copied().or(self.camera);
         let name = self.name("rgb", id, &path);
@@ -190,7 +192,7 @@ impl Dataset {
 
     /// Reads the truth of an image, which must have the size `image` if that is given.
     pub(crate) fn truth(&self, id: &str, image: Option<ImageSize>) -> Result<Truth, EvalError> {
-        let path = self.path("depth", self.partner(id), &depth::ENDINGS);
+        let path = self.path("depth", self.partner(id), &depth::ENDINGS)?;
         self.check_joined("depth", id, &path)?;
         let name = || self.name("depth", id, &path);
         let depth = DepthFile::read(&path);
@@ -210,7 +212,7 @@ impl Dataset {
     }
 
     fn labels_of(&self, folder: &LabelFolder, id: &str, size: ImageSize) -> Result<Vec<u8>, EvalError> {
-        let path = self.path(folder.name, self.partner(id), &LABEL_ENDINGS);
+        let path = self.path(folder.name, self.partner(id), &LABEL_ENDINGS)?;
         let name = || ImageName::from(&*path);
         let labels = decode_numbers(&path);
         let labels = labels.map_err(|source| EvalError::ReadImage { image: name().into(), source })?;
@@ -247,11 +249,8 @@ impl Dataset {
     }
 
     /// The file of an image. If there is none, the expected path.
-    fn path(&self, folder: &str, id: &str, endings: &[&str]) -> PathBuf {
-        let folder = self.root.join(folder);
-        let named = |ending: &str| folder.join(format!("{id}.{ending}"));
-        let mut spellings = endings.iter().flat_map(|ending| [named(ending), named(&ending.to_uppercase())]);
-        spellings.find(|path| path.is_file()).unwrap_or_else(|| named(endings[0]))
+    fn path(&self, folder: &str, id: &str, endings: &[&str]) -> Result<PathBuf, EvalError> {
+        image_path(&self.root.join(folder), id, endings)
     }
 
     fn blank_outside<T: Copy>(&self, width: u32, values: &mut [T], none: T) {
@@ -409,6 +408,21 @@ mod tests {
         assert!(matches!(truth(&options, "b"), Err(EvalError::ReadImage { .. })));
         options.units.scale = Some(0.001);
         assert!(matches!(truth(&options, "a"), Err(EvalError::FixedUnit { .. })));
+    }
+
+    #[test]
+    fn an_image_whose_depth_has_two_files_is_not_measured_with_one_of_them() {
+        let root =
+            folder(&["rgb/a.png", "rgb/b.jpg", "rgb/b.png", "depth/a.png", "depth/a.npy", "depth/b.png"]);
+        let mut dataset = Dataset::open(&EvalOptions::new(root.path()), &[], &mut |_| {}).unwrap();
+        assert_eq!(dataset.ids, ["a", "b"]);
+        let both = |error: EvalError, files: [&str; 2]| {
+            let text = nunet_types::text_with_causes(&error);
+            assert!(files.iter().all(|file| text.contains(file)), "{text}");
+        };
+        both(dataset.truth("a", None).unwrap_err(), ["depth/a.png", "depth/a.npy"]);
+        let image = dataset.image("b", &mut Frame::default(), &mut |_| {});
+        both(image.unwrap_err(), ["rgb/b.jpg", "rgb/b.png"]);
     }
 
     #[test]

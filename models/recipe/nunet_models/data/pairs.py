@@ -145,10 +145,21 @@ class FolderPairs:
         ]
 
     def _path(self, folder: str, identity: str, suffixes: Sequence[str]) -> Path:
-        """The image's file, or its expected name if none exists; endings may be in capitals."""
+        """The image's file, or its expected name if none exists; endings may be in capitals.
+
+        # Errors
+        `DataError` naming both of two files.
+        """
         names = [identity + ending for suffix in suffixes for ending in (suffix, suffix.upper())]
         paths = [self.root / folder / name for name in names]
-        return next((path for path in paths if path.is_file()), paths[0])
+        first, *others = [path for path in paths if path.is_file()] or paths[:1]
+        for other in others:
+            if not other.samefile(first):
+                raise DataError(
+                    f"`{first}` and `{other}` are two files of one image",
+                    hint="remove one of them",
+                )
+        return first
 
     def _labels(self, path: Path, size: tuple[int, int]) -> np.ndarray:
         values = _single_channel(path, size)
