@@ -1,6 +1,6 @@
 //! A recorded image, independent of the type of its message.
 
-use nunet_types::{ImageSize, MAX_SIDE_PX};
+use nunet_types::{ImageSize, MAX_FRAME_ID, MAX_SIDE_PX};
 
 use crate::compressed_depth;
 use crate::encoding::{ImageEncoding, READABLE};
@@ -39,8 +39,10 @@ pub struct RecordedImage {
     pub stamp_nanos: i64,
     /// Time of recording, nanoseconds of the recording's clock.
     pub log_nanos: u64,
-    /// The coordinate frame of the camera.
+    /// The coordinate frame of the camera, at most [`MAX_FRAME_ID`] bytes.
     pub frame_id: String,
+    /// Whether `frame_id` is not the name in the message, which is longer or not UTF-8.
+    pub is_frame_id_changed: bool,
     /// Roll and pitch of the robot's base that were used for the image when it was recorded, radians; `None`
     /// if the recording has none.
     pub roll_pitch_rad: Option<[f32; 2]>,
@@ -112,7 +114,10 @@ impl RecordedImage {
 
     pub(crate) fn set_header(&mut self, stamp_nanos: i64, frame_id: &str) {
         self.stamp_nanos = stamp_nanos;
-        frame_id.clone_into(&mut self.frame_id);
+        // Cut here, because every output copies it with every frame.
+        let kept = &frame_id[..frame_id.floor_char_boundary(MAX_FRAME_ID)];
+        self.is_frame_id_changed = kept != frame_id || kept.contains(char::REPLACEMENT_CHARACTER);
+        kept.clone_into(&mut self.frame_id);
     }
 
     /// A compressed image: JPEG and PNG are recognized by their first bytes, since formats are written in many ways

@@ -81,6 +81,7 @@ mod reader;
 mod record;
 mod records;
 pub mod ros;
+mod text;
 mod topics;
 mod writer;
 

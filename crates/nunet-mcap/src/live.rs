@@ -38,6 +38,8 @@ impl TopicDecoder {
 
 #[cfg(test)]
 mod tests {
+    use nunet_types::MAX_FRAME_ID;
+
     use super::*;
     use crate::ImageEncoding;
     use crate::ros::{Header, RawImage, RosMessage, Time};
@@ -72,6 +74,48 @@ mod tests {
         for length in 0..message.len() {
             assert!(decoder.image(&message[..length], &mut read).is_err(), "{length} bytes");
         }
+    }
+
+    /// The coordinate frame of an image whose header has `frame_id`, and whether it was changed.
+    fn frame_id_of(frame_id: &[u8]) -> (String, bool) {
+        let image = RawImage { width: 2, height: 1, encoding: "mono8", pixel_bytes: 1, data: &[7, 8] };
+        let (mut message, mut read) = (Vec::new(), RecordedImage::default());
+        let header = Header { frame_id: "x".repeat(frame_id.len()).into(), ..header() };
+        RosMessage::Image(image).encode(&header, &mut message).unwrap();
+        // After the encapsulation, the stamp and the length.
+        message[16..16 + frame_id.len()].copy_from_slice(frame_id);
+        let decoder = TopicDecoder::new("/image", "sensor_msgs/msg/Image").unwrap();
+        decoder.image(&message, &mut read).unwrap();
+        assert_eq!(read.data, [7, 8]);
+        (read.frame_id, read.is_frame_id_changed)
+    }
+
+    #[test]
+    fn a_coordinate_frame_that_is_not_utf8_does_not_make_an_image_unreadable() {
+        assert_eq!(frame_id_of(b"eye"), ("eye".to_owned(), false));
+        assert_eq!(frame_id_of(b"e\xffe"), ("e\u{fffd}e".to_owned(), true));
+        assert!(frame_id_of(&[0xff; 5000]).1);
+    }
+
+    #[test]
+    fn a_coordinate_frame_is_as_long_as_a_header_has_room_for() {
+        let most = "x".repeat(MAX_FRAME_ID);
+        assert_eq!(frame_id_of(most.as_bytes()), (most.clone(), false));
+        assert_eq!(frame_id_of(format!("{most}y").as_bytes()), (most.clone(), true));
+        assert_eq!(frame_id_of("x".repeat(1 << 20).as_bytes()), (most, true));
+        let letters = "ß".repeat(MAX_FRAME_ID / 2);
+        assert_eq!(frame_id_of(format!("y{letters}").as_bytes()).0.len(), MAX_FRAME_ID - 1, "no half letter");
+    }
+
+    #[test]
+    fn a_camera_is_read_whatever_the_bytes_of_its_coordinate_frame() {
+        let (intrinsics, mut message, mut known) = ([5.0, 5.0, 1.5, 0.5], Vec::new(), None);
+        let camera = CameraDescription { width: 4, height: 2, intrinsics, ..CameraDescription::default() };
+        RosMessage::CameraInfo(&camera).encode(&header(), &mut message).unwrap();
+        message[16] = 0xff;
+        let decoder = TopicDecoder::new("/image", "sensor_msgs/msg/Image").unwrap();
+        decoder.update_camera(&message, &mut known);
+        assert_eq!(known.map(|known| (known.fault, known.intrinsics)), Some((None, intrinsics)));
     }
 
     #[test]

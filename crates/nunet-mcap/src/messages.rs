@@ -6,6 +6,8 @@ use nunet_types::SensorRegion;
 use serde::{Deserialize, Serialize};
 use serde_bytes::Bytes;
 
+use crate::text;
+
 /// `builtin_interfaces/msg/Time`
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Time {
@@ -43,7 +45,7 @@ pub struct Header<'a> {
     /// Time of capture.
     pub stamp: Time,
     /// The coordinate frame.
-    #[serde(borrow)]
+    #[serde(borrow, deserialize_with = "text::read")]
     pub frame_id: Cow<'a, str>,
 }
 
@@ -54,7 +56,7 @@ pub(crate) struct Image<'a> {
     pub(crate) header: Header<'a>,
     pub(crate) height: u32,
     pub(crate) width: u32,
-    #[serde(borrow)]
+    #[serde(borrow, deserialize_with = "text::read")]
     pub(crate) encoding: Cow<'a, str>,
     pub(crate) is_bigendian: u8,
     pub(crate) step: u32,
@@ -67,7 +69,7 @@ pub(crate) struct Image<'a> {
 pub(crate) struct CompressedImage<'a> {
     #[serde(borrow)]
     pub(crate) header: Header<'a>,
-    #[serde(borrow)]
+    #[serde(borrow, deserialize_with = "text::read")]
     pub(crate) format: Cow<'a, str>,
     #[serde(borrow)]
     pub(crate) data: &'a Bytes,
@@ -90,7 +92,7 @@ pub(crate) struct CameraInfo<'a> {
     pub(crate) header: Header<'a>,
     pub(crate) height: u32,
     pub(crate) width: u32,
-    #[serde(borrow)]
+    #[serde(borrow, deserialize_with = "text::read")]
     pub(crate) distortion_model: Cow<'a, str>,
     pub(crate) d: Vec<f64>,
     pub(crate) k: [f64; 9],
@@ -117,7 +119,7 @@ pub(crate) struct RawImage<'a> {
     pub(crate) header: Header<'a>,
     pub(crate) width: u32,
     pub(crate) height: u32,
-    #[serde(borrow)]
+    #[serde(borrow, deserialize_with = "text::read")]
     pub(crate) encoding: Cow<'a, str>,
     pub(crate) step: u32,
     #[serde(borrow)]
@@ -131,7 +133,7 @@ pub(crate) struct FoxgloveCompressedImage<'a> {
     pub(crate) header: Header<'a>,
     #[serde(borrow)]
     pub(crate) data: &'a Bytes,
-    #[serde(borrow)]
+    #[serde(borrow, deserialize_with = "text::read")]
     pub(crate) format: Cow<'a, str>,
 }
 
@@ -142,7 +144,7 @@ pub(crate) struct CameraCalibration<'a> {
     pub(crate) header: Header<'a>,
     pub(crate) width: u32,
     pub(crate) height: u32,
-    #[serde(borrow)]
+    #[serde(borrow, deserialize_with = "text::read")]
     pub(crate) distortion_model: Cow<'a, str>,
     pub(crate) d: Vec<f64>,
     pub(crate) k: [f64; 9],

@@ -4,7 +4,7 @@ use image::metadata::Orientation;
 use nunet_core::camera::{Calibration, Camera, RosCameraInfo};
 use nunet_core::frame::PixelFormat;
 use nunet_mcap::{BayerPattern, CameraDescription, ImageEncoding, RecordedImage};
-use nunet_types::{ImageSize, SensorRegion};
+use nunet_types::{ImageSize, MAX_FRAME_ID, SensorRegion};
 use tracing::warn;
 
 use crate::Frame;
@@ -30,6 +30,10 @@ impl ImageConverter {
         topic: &str,
         described: Option<&CameraDescription>,
     ) -> Result<(), SourceError> {
+        if image.is_frame_id_changed {
+            let why = format!("its name is not UTF-8, or longer than {MAX_FRAME_ID} bytes");
+            self.cameras.report(topic, format!("its coordinate frame becomes `{}`: {why}", image.frame_id));
+        }
         let orientation = match image.encoding {
             Some(ImageEncoding::File) => self.fill_from_file(frame, image, topic, None)?,
             Some(ImageEncoding::BayerFile(pattern)) => {
@@ -287,6 +291,25 @@ mod tests {
         let mut frame = Frame::default();
         ImageConverter::default().fill(&mut frame, &mut recorded, "/c/image_raw/compressed", None).unwrap();
         frame
+    }
+
+    #[test]
+    fn a_coordinate_frame_that_was_changed_is_reported_once() {
+        let mut converter = ImageConverter::default();
+        for sequence in 0..3 {
+            let mut image = RecordedImage {
+                data: vec![7],
+                encoding: Some(ImageEncoding::Mono8),
+                width: 1,
+                height: 1,
+                row_stride: 1,
+                frame_id: "e\u{fffd}e".to_owned(),
+                is_frame_id_changed: sequence > 0,
+                ..RecordedImage::default()
+            };
+            converter.fill(&mut Frame::default(), &mut image, "/c", None).unwrap();
+            assert_eq!(converter.cameras.reported.len(), usize::from(sequence > 0));
+        }
     }
 
     #[test]

@@ -3,6 +3,9 @@
 use crate::pixel_format::PixelFormat;
 use crate::vocabulary::vocabulary;
 
+/// The bytes of a coordinate frame's name that fit into the header of a message.
+pub const MAX_FRAME_ID: usize = 64;
+
 vocabulary! {
     /// What a service carries; the last part of its name.
     Topic as "topic" {

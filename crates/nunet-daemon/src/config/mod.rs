@@ -22,6 +22,7 @@ pub use nunet_sink::attitude::{AttitudeConfig, AttitudeSource};
 pub use nunet_sink::mount_option::MountOption;
 pub use nunet_sink::obstacles::ObstacleConfig;
 pub use nunet_sink::stability::StabilityLimit;
+pub use nunet_types::MAX_FRAME_ID;
 pub use values::{LogOptions, Publish};
 
 use crate::exit::BadArguments;
@@ -195,9 +196,6 @@ pub struct AccessConfig {
     /// The file mode, if it is not the default.
     pub mode: Option<u32>,
 }
-
-/// The bytes of a coordinate frame's name that fit into the header of a message.
-pub const MAX_FRAME_ID: usize = 64;
 
 /// The default coordinate frame of a camera.
 #[must_use]

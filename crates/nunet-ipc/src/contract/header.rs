@@ -9,8 +9,8 @@ use std::borrow::Cow;
 use iceoryx2::prelude::ZeroCopySend;
 
 use nunet_types::{
-    CameraInfo, Clock, DistortionModel, Encoding, ImageSize, PixelRect, Quality, ScaleSource, Topic, Units,
-    UnknownValue, contract_struct,
+    CameraInfo, Clock, DistortionModel, Encoding, ImageSize, MAX_FRAME_ID, PixelRect, Quality, ScaleSource,
+    Topic, Units, UnknownValue, contract_struct,
 };
 
 use super::text::{set_text, text};
@@ -86,7 +86,7 @@ contract_struct! {
         /// Pixels of the depth map without a depth, after the filters: those that are NaN.
         pub invalid_pixels: u64,
         /// The name of the camera's coordinate frame, UTF-8, padded with zeros.
-        pub frame_id: [u8; 64],
+        pub frame_id: [u8; MAX_FRAME_ID],
         /// Factor by which the network's meters were multiplied; 0 if unknown or without meaning.
         pub scale_factor: f64,
         /// Nanoseconds since `scale_factor` was measured; 0 for one that does not change.
@@ -142,7 +142,7 @@ impl Default for FrameHeader {
             stage_micros: [0; MAX_STAGES],
             bytes_copied: 0,
             invalid_pixels: 0,
-            frame_id: [0; 64],
+            frame_id: [0; MAX_FRAME_ID],
             scale_factor: 0.0,
             scale_age_nanos: 0,
             view_x: 0,
@@ -187,7 +187,7 @@ impl FrameHeader {
         text(&self.frame_id)
     }
 
-    /// Sets the name of the camera's coordinate frame, cut to 64 bytes.
+    /// Sets the name of the camera's coordinate frame, cut to [`MAX_FRAME_ID`] bytes.
     pub fn set_frame_id(&mut self, name: &str) {
         set_text(&mut self.frame_id, name);
     }
