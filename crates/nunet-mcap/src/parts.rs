@@ -2,6 +2,8 @@
 
 use std::cmp::Ordering;
 use std::collections::HashSet;
+use std::fs::File;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
@@ -34,7 +36,14 @@ pub fn is_recording(path: &Path) -> bool {
     let is_mcap = has_ending(path, "mcap");
     let is_metadata = path.file_name().is_some_and(|name| name == METADATA);
     let is_bag = || path.join(METADATA).is_file() || mcap_files(path).is_ok_and(|files| !files.is_empty());
-    is_mcap || is_metadata || (path.is_dir() && is_bag())
+    is_mcap || is_metadata || (path.is_dir() && is_bag()) || is_mcap_file(path)
+}
+
+/// Whether a regular file is MCAP by its first bytes: a recording may have any name.
+fn is_mcap_file(path: &Path) -> bool {
+    let mut start = [0; mcap::MAGIC.len()];
+    let read = |mut file: File| file.read_exact(&mut start);
+    path.is_file() && File::open(path).and_then(read).is_ok() && start == mcap::MAGIC
 }
 
 /// The files that are read of a recording, and its folder.
@@ -229,6 +238,20 @@ mod tests {
             "rosbag2_bagfile_information: {storage_identifier: mcap, relative_file_paths: [a.mcap.zstd]}";
         let error = parts(folder(&[], Some(packed)).path()).unwrap_err().to_string();
         assert!(error.ends_with("lists `a.mcap.zstd`, expected `.mcap` files"), "{error}");
+    }
+
+    #[test]
+    fn a_file_is_a_recording_by_its_name_or_its_first_bytes() {
+        let bag = folder(&["empty.mcap", "empty"], None);
+        for (name, content) in
+            [("drive", &b"\x89MCAP0\r\n\x01"[..]), ("a.png", b"\x89PNG\r\n\x1a\n"), ("b", b"\x89MCAP")]
+        {
+            std::fs::write(bag.path().join(name), content).unwrap();
+        }
+        let is_recording = |name: &str| is_recording(&bag.path().join(name));
+        assert!(is_recording("empty.mcap") && is_recording("drive"));
+        assert!(!["empty", "a.png", "b", "missing"].into_iter().any(is_recording));
+        assert_eq!(parts(&bag.path().join("drive")).unwrap(), [bag.path().join("drive")]);
     }
 
     #[test]

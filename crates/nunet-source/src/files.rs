@@ -139,9 +139,7 @@ fn other_file(path: &Path, start: &[u8]) -> (Option<&'static str>, String) {
         let hint = nunet_mcap::conversion_hint(path, what).unwrap_or_default();
         return (Some(what), hint.into_owned());
     }
-    let hint = if start.starts_with(b"\x89MCAP0") {
-        "the name of a recording ends in `.mcap`".to_owned()
-    } else if start.starts_with(b"YUV4MPEG2") {
+    let hint = if start.starts_with(b"YUV4MPEG2") {
         format!("read it from standard input, with `-` as the source: `< {shown}`")
     } else if start.is_empty() {
         return (Some("it is empty"), "copy or record it again".to_owned());

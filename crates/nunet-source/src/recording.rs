@@ -222,6 +222,20 @@ mod tests {
         writer.finish().unwrap();
     }
 
+    /// `--record drive` writes such a file.
+    #[test]
+    fn a_recording_is_a_source_whatever_its_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("drive");
+        let mut png = std::io::Cursor::new(Vec::new());
+        image::RgbImage::new(2, 2).write_to(&mut png, image::ImageFormat::Png).unwrap();
+        write_recording(&path, "eye", &[Some(png.get_ref().as_slice())]);
+        let source = crate::SourceName::parse(path.to_str().unwrap());
+        assert!(source.properties().is_recording && source.files() == [path]);
+        let mut opened = source.open(OpenOptions::default()).unwrap();
+        assert!(matches!(opened.fill(&mut Frame::default()), Fill::Frame));
+    }
+
     #[test]
     fn a_loop_ends_after_a_round_without_an_image() {
         let folder = tempfile::tempdir().unwrap();
