@@ -1,11 +1,13 @@
 //! `nunetd calibrate`: a factor from a distance, readings, true depth; and what is refused.
 
+use std::fs::File;
+use std::io::Write as _;
 use std::path::Path;
 
 use nunet_testkit::models;
 use serde_json::Value;
 
-use crate::support::{Bench, SIZE, calibration, nunetd, run, run_well, text};
+use crate::support::{Bench, Guarded, SIZE, calibration, nunetd, run, run_well, signal, text};
 
 /// True depth over the network's depth of the images of these tests.
 const FACTOR: f64 = 0.5;
@@ -238,6 +240,27 @@ fn what_cannot_give_a_factor_is_refused() {
     let out = bench.arg("new.yaml");
     let (code, stderr) = refused(&bench, &[&frames[..], &["--distance", "2", "--out", &out]].concat());
     assert!(code == Some(2) && stderr.contains("hint: give the intrinsics"), "{stderr}");
+}
+
+#[test]
+fn a_calibration_that_is_stopped_says_after_how_many_frames() {
+    /// More than the pipe and its reader hold, so that the first ones have been compared once all are written.
+    const WRITTEN: usize = 12;
+    let (bench, _) = bench_with_images();
+    let (reader, mut writer) = std::io::pipe().unwrap();
+    let model = bench.arg("model.onnx");
+    let mut command = nunetd(&["-q", "calibrate", "--model", &model, "--source", "-", "--size", "640x480"]);
+    command.args(["--format", "rgb8", "--distance", "2", "--frames", "1000"]);
+    command.stdin(reader).stderr(File::create(bench.path("log")).unwrap());
+    let mut calibrate = Guarded::start(command);
+    let frame = vec![100; 3 * (SIZE.0 * SIZE.1) as usize];
+    (0..WRITTEN).for_each(|_| writer.write_all(&frame).unwrap());
+    signal(calibrate.pid(), "INT");
+    assert_eq!(calibrate.wait(), Some(1));
+    let log = std::fs::read_to_string(bench.path("log")).unwrap();
+    let count = log.split("stopped after ").nth(1).and_then(|rest| rest.split(' ').next());
+    let count: usize = count.and_then(|count| count.parse().ok()).unwrap_or_else(|| panic!("{log}"));
+    assert!((1..=WRITTEN).contains(&count), "{log}");
 }
 
 #[test]

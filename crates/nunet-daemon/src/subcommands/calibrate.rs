@@ -4,6 +4,7 @@ use std::num::NonZeroU64;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
+use anyhow::bail;
 use nunet_core::pipeline::PipelineOptions;
 use nunet_engine::{Engine, EngineOptions, ModelName, find_model, model_folders};
 use nunet_eval::{Agreement, CalibrateError, Calibrator, EvalOptions, Event, Reference, files_of_readings};
@@ -118,11 +119,13 @@ fn explained(error: CalibrateError) -> anyhow::Error {
 struct Taker<'a> {
     calibrator: &'a mut Calibrator,
     reference: Reference,
+    frames: u64,
 }
 
 impl FrameHandler for Taker<'_> {
     fn on_frame(&mut self, frame: Frame) -> anyhow::Result<ControlFlow<()>> {
         warn_of_camera(&self.calibrator.add_frame(&frame, &self.reference).map_err(explained)?);
+        self.frames += 1;
         Ok(ControlFlow::Continue(()))
     }
 
@@ -145,8 +148,13 @@ fn take_frames(
     let mut opened = source.name.open(how)?;
     let limit = source.frames.or(NonZeroU64::new(FRAMES));
     let pace = Pace { limit, ..Pace::of(source) };
-    drive(&mut *opened, pace, stop, &mut Taker { calibrator, reference })?;
-    Ok(stop.check()?)
+    let mut taker = Taker { calibrator, reference, frames: 0 };
+    drive(&mut *opened, pace, stop, &mut taker)?;
+    match taker.frames {
+        0 => Ok(stop.check()?),
+        frames if stop.requested() => bail!("stopped after {frames} frames, before the factor was known"),
+        _ => Ok(()),
+    }
 }
 
 fn report(options: &CalibrateOptions, found: &Agreement, model: &ModelName) -> anyhow::Result<()> {
