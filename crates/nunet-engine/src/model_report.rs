@@ -2,7 +2,7 @@
 
 use nunet_core::graph::{SerialGraph, StageInfo, TensorSpec};
 use nunet_core::model::{ModelDescription, SelfTestReport, StateTensor};
-use nunet_types::printable;
+use nunet_types::{printable, shortest};
 use serde_json::{Value, json};
 
 /// A model that was loaded and self-tested.
@@ -80,8 +80,8 @@ impl ModelReport<'_> {
             "provider": self.graph.provider().name(),
             "selftest": {
                 "passed": checked.then_some(true),
-                "worst": checked.then_some(self.selftest.worst_depth),
-                "tolerance": checked.then_some(self.selftest.tolerance),
+                "worst": checked.then_some(shortest(self.selftest.worst_depth)),
+                "tolerance": checked.then_some(shortest(self.selftest.tolerance)),
                 "label_cells": checked.then_some(self.selftest.label_cells),
             },
         })
@@ -178,11 +178,6 @@ fn accuracy_text(accuracy: &Value) -> String {
     };
     let trivial = accuracy.get("baseline").and_then(line).map(|line| format!("; the mean image: {line}"));
     format!("{found}{}", trivial.unwrap_or_default())
-}
-
-/// The shortest text of the number: 0.3 and not 0.30000001192092896.
-fn shortest(value: f32) -> f64 {
-    value.to_string().parse().unwrap_or(value.into())
 }
 
 fn stage_text(stage: &StageInfo) -> String {

@@ -7,6 +7,7 @@ use foxglove::websocket::{
     AnyClient, GetParametersResponder, Parameter, ParameterHandler, SetParametersResponder,
 };
 use nunet_core::depth::Scale;
+use nunet_types::shortest;
 
 /// The state of a camera.
 #[derive(Debug, Clone, Copy, Default)]
@@ -43,7 +44,7 @@ impl Parameters {
             let rate = Parameter::float64(name("rate_hz"), (state.fps * 10.0).round() / 10.0);
             let scale = state.scale.iter().flat_map(|scale| {
                 [
-                    Parameter::float64(name("scale_factor"), scale.factor.into()),
+                    Parameter::float64(name("scale_factor"), shortest(scale.factor)),
                     Parameter::string(name("scale_source"), scale.source.name()),
                     Parameter::string(name("units"), scale.units.name()),
                 ]

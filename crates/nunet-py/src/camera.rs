@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use numpy::PyArray2;
 use nunet_core::camera::{self, CalibratedScale, Distortion, Intrinsics, check_scale_factor};
 use nunet_daemon::embed;
-use nunet_types::ImageSize;
+use nunet_types::{ImageSize, shortest};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyType;
@@ -172,8 +172,8 @@ impl PyCamera {
 
     /// The factor by which the network's meters are multiplied; `None` if it was not measured.
     #[getter]
-    fn scale(&self) -> Option<f32> {
-        self.1.map(|scale| scale.factor)
+    fn scale(&self) -> Option<f64> {
+        self.1.map(|scale| shortest(scale.factor))
     }
 
     /// The camera matrix, float64 (3, 3): `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`.

@@ -1,6 +1,7 @@
 //! Frame counts and latencies as Prometheus metrics.
 
 use nunet_telemetry::{CameraMetrics, Metrics};
+use nunet_types::shortest;
 
 use crate::results::Results;
 use crate::sink::{FinishingSink, PublishedFrame, Sink, Status, Wants};
@@ -25,7 +26,7 @@ impl Sink for MetricsSink {
     fn on_frame(&mut self, published: &PublishedFrame<'_>) {
         self.0.record(published.timings.total_micros, published.timings.stages());
         let scale = published.results.scale;
-        self.0.set_scale(scale.factor, scale.age_nanos as f64 / 1e9);
+        self.0.set_scale(shortest(scale.factor), scale.age_nanos as f64 / 1e9);
     }
 
     fn on_status(&mut self, status: &Status<'_>) {

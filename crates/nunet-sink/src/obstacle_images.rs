@@ -9,6 +9,7 @@ use nunet_core::obstacle::Obstacles;
 use nunet_core::pipeline::Pipeline;
 use nunet_files::{BirdsEye, draw_obstacle_points, write_json, write_rgb};
 use nunet_ipc::CONTRACT_VERSION;
+use nunet_types::shortest;
 use serde_json::{Value, json};
 
 use crate::obstacles::ObstacleConfig;
@@ -69,27 +70,27 @@ fn obstacles_json(found: &Obstacles) -> Value {
     let map = found.map();
     let sectors = found.sectors.iter().enumerate().map(|(index, sector)| {
         json!({
-            "angle_rad": map.angle_rad(index),
+            "angle_rad": shortest(map.angle_rad(index)),
             "state": sector.state().name(),
-            "range_m": sector.range_m,
-            "obstacle_m": sector.obstacle_m,
-            "min_height_m": sector.min_height_m,
-            "max_height_m": sector.max_height_m,
-            "seen_from_m": sector.seen_from_m,
+            "range_m": shortest(sector.range_m),
+            "obstacle_m": shortest(sector.obstacle_m),
+            "min_height_m": shortest(sector.min_height_m),
+            "max_height_m": shortest(sector.max_height_m),
+            "seen_from_m": shortest(sector.seen_from_m),
             "label": sector.label,
             "remembered": sector.remembered != 0,
-            "age_s": sector.age_s,
+            "age_s": shortest(sector.age_s),
         })
     });
     let ground = found.ground;
     json!({
         "contract": CONTRACT_VERSION,
         "ground": {
-            "slope_x": ground.slope_x,
-            "slope_y": ground.slope_y,
-            "height_m": ground.height_m,
+            "slope_x": shortest(ground.slope_x),
+            "slope_y": shortest(ground.slope_y),
+            "height_m": shortest(ground.height_m),
             "refined": ground.is_refined,
-            "floor_fraction": ground.floor_fraction,
+            "floor_fraction": shortest(ground.floor_fraction),
         },
         "used_labels": found.used_labels,
         "sectors": sectors.collect::<Vec<_>>(),
@@ -105,7 +106,8 @@ mod tests {
 
     #[test]
     fn a_remembered_obstacle_differs_from_one_that_is_seen() {
-        let seen = ObstacleSector { state: SectorState::Occupied.into(), ..ObstacleSector::UNKNOWN };
+        let seen =
+            ObstacleSector { state: SectorState::Occupied.into(), range_m: 1.2, ..ObstacleSector::UNKNOWN };
         let remembered = ObstacleSector { remembered: 1, age_s: 0.5, ..seen };
         let found = Obstacles {
             ground: Ground::EXPECTED,
@@ -120,5 +122,6 @@ mod tests {
         let of = |index: usize| (sectors[index]["remembered"].clone(), sectors[index]["age_s"].clone());
         assert_eq!(of(0), (json!(false), json!(0.0)));
         assert_eq!(of(1), (json!(true), json!(0.5)));
+        assert_eq!(sectors[0]["range_m"], json!(1.2), "the digits of f32");
     }
 }

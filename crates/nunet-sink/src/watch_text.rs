@@ -5,7 +5,7 @@ use nunet_ipc::{
     CameraName, FrameHeader, Message, ObstacleRecord, SectorState, StatsRecord, Units, monotonic_nanos,
     unix_nanos,
 };
-use nunet_types::printable;
+use nunet_types::{printable, shortest};
 use serde_json::{Map, Value, json};
 
 /// The newest messages beside depth that are read for a terminal.
@@ -52,7 +52,7 @@ pub fn json_of(frame: &Message, stats: &StatsRecord) -> anyhow::Result<Value> {
         "scale_source": header.scale_source()?.name(),
         "scale_factor": (header.scale_factor > 0.0).then_some(header.scale_factor),
         "scale_age_s": header.scale_age_nanos as f64 / 1e9,
-        "depth_center_m": depth_center(frame)?.filter(|_| metric),
+        "depth_center_m": depth_center(frame)?.filter(|_| metric).map(shortest),
         "invalid_pixels": header.invalid_pixels,
         "drift": stats.stability().map(|[drift, _]| drift),
         "flicker": stats.stability().map(|[_, flicker]| flicker),

@@ -258,8 +258,8 @@ impl CameraMetrics {
     }
 
     /// Sets the factor of depth, and the seconds since it was measured.
-    pub fn set_scale(&self, factor: f32, age_s: f64) {
-        self.scale.set(factor.into());
+    pub fn set_scale(&self, factor: f64, age_s: f64) {
+        self.scale.set(factor);
         self.scale_age.set(age_s);
     }
 

@@ -11,6 +11,7 @@
 //! | [`layout`], [`contract_struct!`] | structs whose byte layout is fixed, with a table of their fields |
 //! | [`Hint`] | what a user can do about an error |
 //! | [`is_host_and_port`] | whether a text is an address on a network |
+//! | [`shortest()`] | a number that prints as it was written |
 //!
 //! Each enumeration has a number (in shared memory), a name (on the command line, in files, in JSON) and a
 //! documentation text (in the C header). One macro writes all three, so they cannot differ.
@@ -48,6 +49,7 @@ mod pixel_format;
 mod pixel_rect;
 pub mod printable;
 mod sensor_region;
+mod shortest;
 mod vocabulary;
 
 pub use camera_info::{CameraInfo, DistortionModel, MAX_COEFFICIENTS};
@@ -65,4 +67,5 @@ pub use obstacle::{
 pub use pixel_format::PixelFormat;
 pub use pixel_rect::PixelRect;
 pub use sensor_region::{RegionOutside, SensorRegion};
+pub use shortest::shortest;
 pub use vocabulary::{UnknownValue, UnknownWord};

@@ -41,6 +41,11 @@ def test_a_calibration_file_brings_its_scale_and_pickle_keeps_it(tmp_path):
     assert camera.at_size(64, 48).scale == 0.5
 
 
+def test_a_scale_is_shown_as_it_was_given(tiny):
+    camera = camera_of(tiny, scale=0.83)
+    assert (camera.scale, tiny.infer(noise(*reversed(tiny.size)), camera=camera).scale_factor) == (0.83, 0.83)
+
+
 def test_a_model_takes_a_scale_and_conflicts_are_errors(tiny):
     rgb = noise(*reversed(tiny.size))
     half = nunet.Model(tiny.path, scale=0.5)

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use nunet_types::{MAX_OBSTACLE_POINTS, MAX_SECTORS};
+use nunet_types::{MAX_OBSTACLE_POINTS, MAX_SECTORS, shortest};
 
 use super::ObstacleError;
 
@@ -49,14 +49,14 @@ impl ObstacleOptions {
             *self;
         let count = |limit: usize| Cow::Owned(format!("1 to {limit}"));
         let checks: [(&str, f64, bool, Cow<'static, str>); 7] = [
-            ("clearance", clearance_m.into(), within(clearance_m, 0.005, 0.5), "0.005 to 0.5 m".into()),
+            ("clearance", shortest(clearance_m), within(clearance_m, 0.005, 0.5), "0.005 to 0.5 m".into()),
             (
                 "robot height",
-                robot_height_m.into(),
+                shortest(robot_height_m),
                 within(robot_height_m, 0.05, 10.0) && robot_height_m > clearance_m,
                 "0.05 to 10 m and more than the clearance".into(),
             ),
-            ("range", max_range_m.into(), within(max_range_m, 0.5, 50.0), "0.5 to 50 m".into()),
+            ("range", shortest(max_range_m), within(max_range_m, 0.5, 50.0), "0.5 to 50 m".into()),
             ("number of sectors", sectors as f64, (1..=MAX_SECTORS).contains(&sectors), count(MAX_SECTORS)),
             (
                 "number of obstacle points",
@@ -64,8 +64,8 @@ impl ObstacleOptions {
                 (1..=MAX_OBSTACLE_POINTS).contains(&max_points),
                 count(MAX_OBSTACLE_POINTS),
             ),
-            ("slope", max_slope_deg.into(), within(max_slope_deg, 0.0, 30.0), "0 to 30 degrees".into()),
-            ("hold", hold_s.into(), within(hold_s, 0.0, 10.0), "0 to 10 s".into()),
+            ("slope", shortest(max_slope_deg), within(max_slope_deg, 0.0, 30.0), "0 to 30 degrees".into()),
+            ("hold", shortest(hold_s), within(hold_s, 0.0, 10.0), "0 to 10 s".into()),
         ];
         match checks.into_iter().find(|(_, _, fits, _)| !fits) {
             Some((option, value, _, expected)) => Err(ObstacleError::Option { option, value, expected }),
@@ -100,6 +100,22 @@ mod tests {
             ObstacleOptions { hold_s: -1.0, ..fine },
         ] {
             assert!(matches!(wrong.check(), Err(ObstacleError::Option { .. })), "{wrong:?}");
+        }
+    }
+
+    #[test]
+    fn a_wrong_value_is_shown_as_it_was_written() {
+        let fine = ObstacleOptions::default();
+        for (wrong, value) in [
+            (ObstacleOptions { robot_height_m: 0.05, ..fine }, 0.05),
+            (ObstacleOptions { clearance_m: 0.6, ..fine }, 0.6),
+            (ObstacleOptions { max_range_m: 0.3, ..fine }, 0.3),
+            (ObstacleOptions { max_slope_deg: 30.1, ..fine }, 30.1),
+            (ObstacleOptions { hold_s: 10.1, ..fine }, 10.1),
+            (ObstacleOptions { sectors: 20_000_001, ..fine }, 20_000_001.0),
+        ] {
+            let error = wrong.check().unwrap_err();
+            assert!(matches!(error, ObstacleError::Option { value: shown, .. } if shown == value), "{error}");
         }
     }
 }

@@ -1,5 +1,7 @@
 //! Decodes network outputs to depth.
 
+use nunet_types::shortest;
+
 use super::confidence::blank;
 use super::network::Network;
 use super::{FloorScale, Lens, PipelineError, PipelineOptions};
@@ -108,7 +110,7 @@ fn scale(graph: &SerialGraph, options: &PipelineOptions, lens: &Lens) -> Result<
     Ok(match (options.scale, options.calibrated_factor) {
         (ScaleMode::Off, _) => Scale::unscaled(encoding),
         (_, Some(_)) if !encoding.is_metric() => return Err(ScaleError::NoUnit.into()),
-        (_, Some(factor)) => Scale::calibrated(encoding, check_scale_factor(factor.into())?),
+        (_, Some(factor)) => Scale::calibrated(encoding, check_scale_factor(shortest(factor))?),
         _ if graph.needs_camera() && encoding.is_metric() => {
             let source = if lens.known.is_some() { ScaleSource::Metric } else { ScaleSource::AssumedCamera };
             Scale { source, ..Scale::unscaled(encoding) }

@@ -16,7 +16,7 @@ use nunet_ipc::{
     StatsRecord, Topic, Units, Wake, monotonic_nanos,
 };
 use nunet_telemetry::{Counts, Latencies, RateLimit, Totals, foreign_allocations};
-use nunet_types::ImageSize;
+use nunet_types::{ImageSize, shortest};
 use tracing::{info, warn};
 
 use nunet_sink::stats_record::{self, stage_names};
@@ -306,7 +306,8 @@ impl ShmPublisher {
         frame.identify(header);
         header.set_units(report.units);
         header.set_scale_source(report.scale_source);
-        (header.scale_factor, header.scale_age_nanos) = (report.scale_factor.into(), report.scale_age_nanos);
+        (header.scale_factor, header.scale_age_nanos) =
+            (shortest(report.scale_factor), report.scale_age_nanos);
         header.set_quality(report.quality);
         header.set_view(report.view);
         header.set_stages(std::iter::once(queue_micros).chain(report.stages.micros().iter().copied()));

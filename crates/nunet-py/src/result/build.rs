@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use nunet_engine::Inferred;
+use nunet_types::shortest;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -52,7 +53,7 @@ impl Result {
             rgb: array(py, rgb, [rows, columns, 3])?.cast_into()?.unbind(),
             units: report.units.name().to_owned(),
             scale_source: report.scale_source.name().to_owned(),
-            scale_factor: (report.scale_factor > 0.0).then_some(report.scale_factor),
+            scale_factor: (report.scale_factor > 0.0).then_some(shortest(report.scale_factor)),
             timings: timings.unbind(),
             invalid_pixels: report.invalid_pixels,
             quality: report.quality.name().to_owned(),

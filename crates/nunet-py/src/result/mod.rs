@@ -86,7 +86,7 @@ pub(crate) struct Result {
     #[pyo3(get)]
     scale_source: String,
     #[pyo3(get)]
-    scale_factor: Option<f32>,
+    scale_factor: Option<f64>,
     #[pyo3(get)]
     timings: Py<PyDict>,
     #[pyo3(get)]

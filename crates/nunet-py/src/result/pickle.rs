@@ -18,7 +18,7 @@ pub(super) struct PickledResult {
     class_names: Py<PyTuple>,
     units: String,
     scale_source: String,
-    scale_factor: Option<f32>,
+    scale_factor: Option<f64>,
     quality: String,
     timings: Py<PyDict>,
     invalid_pixels: u32,
