@@ -67,12 +67,18 @@ fn plain(error: &impl Display) -> BadArguments {
     BadArguments::new(error.to_string())
 }
 
-/// Counts. The error messages of the standard library name Rust types, so they are replaced.
+/// A value that `fits`. The error messages of the standard library name Rust types, so they are replaced.
+fn parsed<T: FromStr>(text: &str, expected: &str, fits: fn(&T) -> bool) -> Result<T, BadArguments> {
+    let value = text.parse().ok().filter(fits);
+    value.ok_or_else(|| BadArguments::new(format!("expected {expected}, got `{text}`")))
+}
+
+/// Counts.
 macro_rules! count {
     ($($type:ty),+) => {
         $(impl FromText for $type {
             fn from_text(text: &str) -> Result<Self, BadArguments> {
-                text.parse().map_err(|_| BadArguments::new(format!("expected a whole number of 1 or more, got `{text}`")))
+                parsed(text, "a whole number of 1 or more", |_| true)
             }
         })+
     };
@@ -82,10 +88,8 @@ count!(NonZeroU32, NonZeroU64, NonZeroUsize);
 
 impl FromText for SocketAddr {
     fn from_text(text: &str) -> Result<Self, BadArguments> {
-        text.parse().map_err(|_| {
-            BadArguments::new(format!("expected ADDRESS:PORT, such as `127.0.0.1:9477`, got `{text}`"))
-                .with_hint("write the address in numbers: 127.0.0.1 is this machine")
-        })
+        parsed(text, "ADDRESS:PORT, such as `127.0.0.1:9477`", |_| true)
+            .map_err(|error| error.with_hint("write the address in numbers: 127.0.0.1 is this machine"))
     }
 }
 
@@ -98,10 +102,8 @@ const MAX_READERS: u32 = 62;
 
 impl FromText for Readers {
     fn from_text(text: &str) -> Result<Self, BadArguments> {
-        let readers = text.parse().ok().filter(|readers: &NonZeroU32| readers.get() <= MAX_READERS);
-        readers
-            .map(Self)
-            .ok_or_else(|| BadArguments::new(format!("expected 1 to {MAX_READERS}, got `{text}`")))
+        let expected = format!("1 to {MAX_READERS}");
+        parsed(text, &expected, |readers: &NonZeroU32| readers.get() <= MAX_READERS).map(Self)
     }
 }
 
@@ -143,10 +145,7 @@ impl FromText for StageEvery {
         let (stage, count) = text
             .split_once('=')
             .ok_or_else(|| BadArguments::new("expected `STAGE=N`, such as `segmentation=3`"))?;
-        let count = count
-            .parse()
-            .map_err(|_| BadArguments::new(format!("expected a count of 1 or more, got `{count}`")))?;
-        Ok(Self(stage.to_owned(), count))
+        Ok(Self(stage.to_owned(), parsed(count, "a count of 1 or more", |_| true)?))
     }
 }
 
@@ -156,10 +155,8 @@ pub struct Distance(pub f32);
 
 impl FromText for Distance {
     fn from_text(text: &str) -> Result<Self, BadArguments> {
-        let range = text.parse().ok().filter(|range: &f32| range.is_finite() && *range > 0.0);
-        range.map(Self).ok_or_else(|| {
-            BadArguments::new(format!("expected a number of meters greater than 0, got `{text}`"))
-        })
+        let is_distance = |range: &f32| range.is_finite() && *range > 0.0;
+        parsed(text, "a number of meters greater than 0", is_distance).map(Self)
     }
 }
 
@@ -169,9 +166,7 @@ pub struct Count(pub usize);
 
 impl FromText for Count {
     fn from_text(text: &str) -> Result<Self, BadArguments> {
-        text.parse()
-            .map(Self)
-            .map_err(|_| BadArguments::new(format!("expected a whole number, got `{text}`")))
+        parsed(text, "a whole number", |_| true).map(Self)
     }
 }
 
@@ -181,10 +176,8 @@ pub struct Seconds(pub f32);
 
 impl FromText for Seconds {
     fn from_text(text: &str) -> Result<Self, BadArguments> {
-        let seconds = text.parse().ok().filter(|seconds: &f32| seconds.is_finite() && *seconds >= 0.0);
-        seconds.map(Self).ok_or_else(|| {
-            BadArguments::new(format!("expected a number of seconds, 0 or more, got `{text}`"))
-        })
+        let is_duration = |seconds: &f32| seconds.is_finite() && *seconds >= 0.0;
+        parsed(text, "a number of seconds, 0 or more", is_duration).map(Self)
     }
 }
 
