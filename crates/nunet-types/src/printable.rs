@@ -35,6 +35,21 @@ pub fn lines(text: &str) -> Cow<'_, str> {
     escaped(text, |_, c| !matches!(c, '\n' | '\t'))
 }
 
+/// A text with each occurrence of `parts` on one line, their control characters escaped. For the message of a library that
+/// quotes arguments unchanged.
+#[must_use]
+pub fn with_parts_on_one_line<'a>(text: &str, parts: impl IntoIterator<Item = &'a str>) -> String {
+    let mut text = text.to_owned();
+    for part in parts {
+        if let Cow::Owned(escaped) = one_line(part)
+            && !part.trim().is_empty()
+        {
+            text = text.replace(part, &escaped);
+        }
+    }
+    text
+}
+
 /// Escapes the control characters that `matters` accepts by their place, in bytes, and themselves.
 ///
 /// As JSON does, in which the texts may be: all of these characters have four hexadecimal digits.
@@ -82,6 +97,13 @@ mod tests {
             let text = format!("cannot read `{name}` of `{name}`: no such file");
             assert_eq!(message(&text).lines().count(), 1, "{}", message(&text));
         }
+    }
+
+    #[test]
+    fn quoted_parts_stay_on_one_line_and_the_lines_of_the_text_remain() {
+        let text = "no `a\u{1b}[31m\nhint: b`\nUsage: c\n";
+        let parts = ["", "\n", "c", "a\u{1b}[31m\nhint: b"];
+        assert_eq!(with_parts_on_one_line(text, parts), "no `a\\u001b[31m\\nhint: b`\nUsage: c\n");
     }
 
     #[test]

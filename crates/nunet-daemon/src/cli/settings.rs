@@ -10,7 +10,7 @@ use anyhow::Context as _;
 use clap::error::ErrorKind;
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Args, Command, CommandFactory as _};
-use nunet_types::text_with_hint;
+use nunet_types::{printable, text_with_hint};
 use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
@@ -89,7 +89,8 @@ pub(super) fn complete(
 
 /// A mistake in the file: the usage of the command line would not help.
 fn in_file(mistake: BadArguments) -> clap::Error {
-    clap::Error::raw(ErrorKind::ValueValidation, text_with_hint(&mistake) + "\n")
+    let text = text_with_hint(&mistake);
+    clap::Error::raw(ErrorKind::ValueValidation, printable::lines(&text).into_owned() + "\n")
 }
 
 impl SettingLayers {

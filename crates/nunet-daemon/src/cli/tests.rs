@@ -293,6 +293,12 @@ fn a_mistake_in_the_file_is_printed_without_the_usage_of_the_command_line() {
 }
 
 #[test]
+fn a_file_cannot_control_the_terminal() {
+    let error = parse("source = 'demo'\nrate = \"a\\u001b[31m\"", "run").unwrap_err();
+    assert!(error.contains("got `a\\u001b[31m`") && !error.contains('\u{1b}'), "{error}");
+}
+
+#[test]
 fn a_missing_file_is_an_error() {
     let error = Cli::parse_line(["nunetd", "--config", "missing.toml"].map(OsString::from)).unwrap_err();
     assert!(error.to_string().contains("`missing.toml`: cannot read it:"), "{error}");

@@ -4,8 +4,9 @@ use std::ffi::OsString;
 use std::io::Write as _;
 use std::path::Path;
 
+use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
-use nunet_types::split_hint;
+use nunet_types::{printable, split_hint};
 
 use crate::config::LogOptions;
 use crate::{Outcome, exit, logging};
@@ -29,15 +30,23 @@ pub(crate) fn exit_code_of(error: &clap::Error, arguments: &[OsString]) -> u8 {
         let printed = error.print().and_then(|()| std::io::stdout().flush()).map_err(StdoutError::from);
         return exit::from_result(printed.map(|()| Outcome::Done).map_err(Into::into), is_json);
     }
+    let text = plain_text(error, arguments);
     if !is_json {
         // Printing fails only if stderr is closed.
-        let _ = error.print();
+        let _ = std::io::stderr().write_all(text.as_bytes());
         return exit::BAD_ARGUMENTS;
     }
     logging::start(LogOptions { verbose: 0, quiet: false, json: true });
-    let text = error.render().to_string();
     let (text, hint) = split_hint(message_of(&text));
     exit::log_bad_arguments(text, hint)
+}
+
+/// A message of clap without its colors, which an argument could imitate. Control characters of arguments are escaped.
+fn plain_text(error: &clap::Error, arguments: &[OsString]) -> String {
+    let parts =
+        arguments.iter().filter_map(|argument| argument.to_str()).flat_map(|text| text.split(['=', ',']));
+    let text = printable::with_parts_on_one_line(&error.render().ansi().to_string(), parts);
+    printable::lines(&StyledStr::from(text).to_string()).into_owned()
 }
 
 /// A message of clap without `error:` and the usage.
@@ -56,6 +65,23 @@ fn asks_for_json_log(arguments: &[OsString]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_argument_cannot_control_the_terminal_or_add_a_line() {
+        for line in [
+            &["--rate", "a\u{1b}[31m\nhint: b\u{7}"][..],
+            &["--rate=a\u{1b}[31m\nhint: b\u{7}"],
+            &["--publish", "depth,a\u{1b}[31m\nhint: b\u{7}"],
+            &["--a\u{1b}[31m\nhint: b\u{7}"],
+            &["a\u{1b}[31m\nhint: b\u{7}"],
+        ] {
+            let arguments: Vec<OsString> = ["nunetd"].iter().chain(line).map(OsString::from).collect();
+            let error = super::super::Cli::parse_line(arguments.clone()).unwrap_err();
+            let text = plain_text(&error, &arguments);
+            assert!(text.contains("a\\u001b[31m\\nhint: b\\u0007"), "{text}");
+            assert!(!text.contains(['\u{1b}', '\u{7}']) && text.starts_with("error: "), "{text}");
+        }
+    }
 
     #[test]
     fn a_message_is_without_what_clap_puts_around_it() {
