@@ -6,6 +6,12 @@
 
 use crate::json_fields::Fields;
 
+/// The names of the fields that are read.
+const OF_CAMERAS: [&str; 12] =
+    ["width", "height", "distortion_model", "distortionModel", "D", "d", "K", "k", "R", "r", "P", "p"];
+const OF_IMAGES: [&str; 9] =
+    ["timestamp", "frame_id", "frameId", "width", "height", "encoding", "step", "format", "data"];
+
 /// `foxglove.CameraCalibration`
 #[derive(Debug)]
 pub(crate) struct CameraCalibration {
@@ -20,7 +26,7 @@ pub(crate) struct CameraCalibration {
 
 impl CameraCalibration {
     pub(crate) fn decode(message: &[u8]) -> Result<Self, String> {
-        let mut fields = Fields::parse(message)?;
+        let mut fields = Fields::parse(message, &OF_CAMERAS)?;
         Ok(Self {
             width: fields.whole_number("width")?,
             height: fields.whole_number("height")?,
@@ -48,7 +54,7 @@ pub(crate) struct RawImage {
 
 impl RawImage {
     pub(crate) fn decode(message: &[u8]) -> Result<Self, String> {
-        let mut fields = Fields::parse(message)?;
+        let mut fields = Fields::parse(message, &OF_IMAGES)?;
         Ok(Self {
             unix_nanos: fields.stamp("timestamp"),
             frame_id: fields.text(&["frame_id", "frameId"])?.unwrap_or_default(),
@@ -56,7 +62,7 @@ impl RawImage {
             height: fields.whole_number("height")?,
             encoding: fields.text(&["encoding"])?.ok_or_else(|| missing("encoding"))?,
             step: fields.whole_number("step")?,
-            data: fields.bytes("data")?,
+            data: fields.bytes()?,
         })
     }
 }
@@ -73,11 +79,11 @@ pub(crate) struct CompressedImage {
 
 impl CompressedImage {
     pub(crate) fn decode(message: &[u8]) -> Result<Self, String> {
-        let mut fields = Fields::parse(message)?;
+        let mut fields = Fields::parse(message, &OF_IMAGES)?;
         Ok(Self {
             unix_nanos: fields.stamp("timestamp"),
             frame_id: fields.text(&["frame_id", "frameId"])?.unwrap_or_default(),
-            data: fields.bytes("data")?,
+            data: fields.bytes()?,
             format: fields.text(&["format"])?.unwrap_or_default(),
         })
     }
@@ -163,7 +169,25 @@ mod tests {
         }
         assert!(decode("\"?\"").unwrap_err().contains("`data` is not base64"));
         assert_eq!(decode("[7, 256]").unwrap_err(), "value 2 of `data` is 256, expected 0 to 255");
+        assert_eq!(
+            decode("[7, [8, 9], 300]").unwrap_err(),
+            "value 2 of `data` is an array, expected 0 to 255"
+        );
+        assert_eq!(decode("{\"a\": [7]}").unwrap_err(), "`data` is an object, expected base64");
         assert_eq!(decode("null").unwrap_err(), "`data` is missing");
+    }
+
+    #[test]
+    fn other_fields_are_ignored_whatever_is_in_them_and_a_matrix_has_an_end() {
+        let other = format!(
+            r#""other": [[1], {{"K": 7, "data": null}}, {}], "k": {K}"#,
+            "[".repeat(100) + &"]".repeat(100)
+        );
+        let fields = format!(r#""width": 64, "height": 48, {other}"#);
+        assert_eq!(camera(&fields).unwrap().k[0], 50.0);
+        let long = format!(r#""width": 64, "height": 48, "k": [{}1]"#, "1,".repeat(1000));
+        assert_eq!(camera(&long).unwrap_err(), "`k` has more than 64 values");
+        assert!(camera(&format!("{fields}}} {{")).is_err(), "something follows");
     }
 
     #[test]

@@ -692,6 +692,31 @@ fn no_flipped_bit_of_a_small_file_requests_much_memory() {
     }
 }
 
+/// A `foxglove.RawImage` in JSON whose pixels are an array of numbers.
+#[test]
+fn an_image_of_numbers_takes_no_more_memory_than_twice_its_text() {
+    let numbers = "7,".repeat(1000 * 500 - 1) + "7";
+    let size = r#""width": 1000, "height": 500, "step": 1000, "encoding": "mono8""#;
+    let message = format!("{{{size}, \"data\": [{numbers}]}}");
+    let mut file = Cursor::new(Vec::new());
+    let mut writer = WriteOptions::new().use_chunks(false).create(&mut file).unwrap();
+    let schema = writer.add_schema("foxglove.RawImage", "jsonschema", b"").unwrap();
+    let channel_id = writer.add_channel(schema, "/image", "json", &BTreeMap::new()).unwrap();
+    let header = MessageHeader { channel_id, sequence: 0, log_time: 1, publish_time: 1 };
+    writer.write_to_known_channel(&header, message.as_bytes()).unwrap();
+    writer.finish().unwrap();
+    drop(writer);
+    let (folder, mut image) = (Folder::new(), RecordedImage::default());
+    let path = folder.file(&file.into_inner());
+    let largest = largest_allocation_during(|| {
+        let mut recording = Recording::open(&path, None).unwrap();
+        assert!(matches!(recording.next(&mut image), Next::Image));
+    });
+    assert!(image.data.len() == 1000 * 500 && image.data.iter().all(|value| *value == 7));
+    // Twice: memory that grows doubles. One `serde_json::Value` for each number would take 16 times the text.
+    assert!(largest <= 2 * message.len() + (1 << 16), "{largest} bytes for a message of {}", message.len());
+}
+
 #[test]
 fn the_parts_of_a_split_bag_are_one_recording_and_a_damaged_part_loses_only_its_own_images() {
     let folder = Folder::new();
