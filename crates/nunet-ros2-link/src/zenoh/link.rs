@@ -34,7 +34,8 @@ pub(crate) fn shared(name: &LinkName, environment: &Environment) -> Result<Arc<d
     type Links = BTreeMap<(String, u16), Weak<ZenohLink>>;
     static LINKS: Mutex<Links> = Mutex::new(Links::new());
     let config = configuration(name, environment)?;
-    let key = (routers(&config), environment.domain);
+    // The name and the address of this machine are one router. [::1] may be another, which listens there only.
+    let key = (routers(&config).replace("/127.0.0.1:", "/localhost:"), environment.domain);
     let mut links = LINKS.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(link) = links.get(&key).and_then(Weak::upgrade) {
         return Ok(link);
@@ -199,6 +200,7 @@ mod tests {
         let open = |name: &str| shared(&name.parse().unwrap(), &environment).unwrap();
         let default = open("zenoh");
         assert!(Arc::ptr_eq(&default, &open("zenoh:tcp/localhost:1")));
+        assert!(Arc::ptr_eq(&default, &open("zenoh:tcp/127.0.0.1:1")));
         assert!(!Arc::ptr_eq(&default, &open("zenoh:tcp/localhost:2")));
     }
 
