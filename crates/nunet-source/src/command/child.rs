@@ -11,6 +11,7 @@ use nunet_types::printable;
 use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, kill_process_group, waitid};
 use tracing::debug;
 
+use super::processes::{Strays, is_group_running};
 use crate::OpenOptions;
 use crate::error::{SourceError, SourceErrorKind};
 use crate::pipe::Pipe;
@@ -141,12 +142,15 @@ fn end(mut child: Child) -> Option<ExitStatus> {
     // Not collected before its group is ended: until then, no other process can have its number.
     let pid = i32::try_from(child.id()).ok().and_then(Pid::from_raw)?;
     let by_itself = ends_within(pid, GRACE / 20);
+    let strays = Strays::below(pid);
     // Fails if no process of the group is left.
     let _ = kill_process_group(pid, Signal::TERM);
+    strays.signal(Signal::TERM);
     // A shell may end at once while a program of its pipeline ignores the signal, and keeps the camera open.
-    let group = child.id().to_string();
-    if !ends_within(pid, GRACE) || !is_true_within(GRACE, || !is_group_running(&group)) {
+    let are_gone = || !is_group_running(pid) && !strays.are_running();
+    if !ends_within(pid, GRACE) || !is_true_within(GRACE, are_gone) {
         let _ = kill_process_group(pid, Signal::KILL);
+        strays.signal(Signal::KILL);
     }
     let status = child.wait().ok();
     status.filter(|_| by_itself)
@@ -157,20 +161,6 @@ fn ends_within(pid: Pid, time: Duration) -> bool {
     let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
     // An error: there is no such child.
     is_true_within(time, || !matches!(waitid(WaitId::Pid(pid), options), Ok(None)))
-}
-
-/// Whether a process of a group runs. One that has ended stays in its group until it is collected.
-fn is_group_running(group: &str) -> bool {
-    // Without /proc, one may run.
-    let Ok(processes) = std::fs::read_dir("/proc") else { return true };
-    processes.flatten().any(|process| {
-        let stat = std::fs::read(process.path().join("stat")).unwrap_or_default();
-        let stat = String::from_utf8_lossy(&stat);
-        // `PID (NAME) STATE PARENT GROUP ...`; the name may have any character.
-        let mut fields = stat.rsplit(')').next().unwrap_or_default().split_ascii_whitespace();
-        let state = fields.next();
-        fields.nth(1) == Some(group) && !matches!(state, Some("Z" | "X"))
-    })
 }
 
 fn has_ended<T>(thread: &Option<JoinHandle<T>>) -> bool {

@@ -1,6 +1,7 @@
 //! Images that a program writes to its standard output: any command (`exec:`), or ffmpeg for a network camera (`rtsp:`).
 
 mod child;
+mod processes;
 
 use std::time::{Duration, Instant};
 

@@ -147,6 +147,17 @@ fn what_ignores_signals_is_killed_although_the_shell_that_started_it_ends_at_onc
     assert_all_end("trap '' TERM; sleep 1000 & trap - TERM; {show}; printf aaaa; exec sleep 1000");
 }
 
+/// `setsid` takes a process out of the group of the shell.
+#[test]
+fn what_left_the_group_is_killed_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let ready = folder.path().join("ready");
+    let ready = ready.display();
+    let apart = format!("setsid sh -c 'trap \"\" TERM; : > {ready}; exec sleep 1000' &");
+    let wait = format!("until [ -e {ready} ]; do sleep 0.01; done");
+    assert_all_end(&format!("{apart} {wait}; {{show}}; printf aaaa; while true; do sleep 1000; done"));
+}
+
 #[test]
 fn addresses_and_times_in_a_message_are_no_other_reason() {
     let ended = "it ended with exit code 1: ";
