@@ -246,7 +246,7 @@ fn each<'de, A: SeqAccess<'de>, T>(
             Some(_) if place > most => error = Some(format!("`{name}` has more than {most} values")),
             Some(value) => converted.push(value),
             None => {
-                error = Some(format!("value {place} of `{name}` is {}, expected {expected}", shown(&value)))
+                error = Some(format!("value {place} of `{name}` is {}, expected {expected}", shown(&value)));
             }
         }
     }
