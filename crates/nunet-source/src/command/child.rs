@@ -142,13 +142,14 @@ fn end(mut child: Child) -> Option<ExitStatus> {
     // Not collected before its group is ended: until then, no other process can have its number.
     let pid = i32::try_from(child.id()).ok().and_then(Pid::from_raw)?;
     let by_itself = ends_within(pid, GRACE / 20);
-    let strays = Strays::below(pid);
+    let mut strays = Strays::below(pid);
     // Fails if no process of the group is left.
     let _ = kill_process_group(pid, Signal::TERM);
     strays.signal(Signal::TERM);
     // A shell may end at once while a program of its pipeline ignores the signal, and keeps the camera open.
     let are_gone = || !is_group_running(pid) && !strays.are_running();
     if !ends_within(pid, GRACE) || !is_true_within(GRACE, are_gone) {
+        strays.update(pid);
         let _ = kill_process_group(pid, Signal::KILL);
         strays.signal(Signal::KILL);
     }
