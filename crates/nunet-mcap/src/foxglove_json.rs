@@ -156,6 +156,11 @@ mod tests {
         let image = RawImage::decode(br#"{"width": 2, "height": 1, "step": 2, "data": "Bwg="}"#).unwrap_err();
         assert_eq!(image, "`encoding` is missing");
         assert!(CameraCalibration::decode(b"[1]").unwrap_err().contains("expected an object"));
+        let text = format!("\"{}\"", "x".repeat(100_000));
+        assert!(
+            CameraCalibration::decode(text.as_bytes()).unwrap_err().len() <= 200,
+            "its text is shortened"
+        );
     }
 
     #[test]

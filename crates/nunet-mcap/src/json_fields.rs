@@ -63,7 +63,8 @@ impl Fields {
         let mut json = serde_json::Deserializer::from_slice(message);
         let fields = json.deserialize_map(FieldsVisitor(names));
         let whole = fields.and_then(|fields| json.end().map(|()| fields));
-        whole.map(Self).map_err(|error| format!("{error:.200}"))
+        // The error may quote a text as long as the message.
+        whole.map(Self).map_err(|error| format!("{:.200}", error.to_string()))
     }
 
     /// The value under the first of the spellings, with its name. `null` is none, and an empty array only counts if the
