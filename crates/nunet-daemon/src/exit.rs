@@ -53,6 +53,11 @@ impl BadArguments {
     pub(crate) fn map_message(self, message: impl FnOnce(&str) -> String) -> Self {
         Self { message: message(&self.message), ..self }
     }
+
+    /// The same with a message on one line. It may quote a value with line ends, and so look like a hint.
+    pub(crate) fn on_one_line(self) -> Self {
+        self.map_message(|message| printable::one_line(message).into_owned())
+    }
 }
 
 impl Hint for BadArguments {

@@ -104,7 +104,8 @@ impl ConfigParser<'_> {
     ) -> Result<Table, Mistake> {
         let mut table = Table::new();
         for (key, value) in entries {
-            let at = |error: BadArguments| Mistake { line: Some(self.line_of(key.span().start)), error };
+            let line = Some(self.line_of(key.span().start));
+            let at = |error: BadArguments| Mistake { line, error: error.on_one_line() };
             let argument = flag(key.get_ref()).map_err(at)?;
             let value = self.value(argument, key.get_ref(), value.get_ref()).map_err(at)?;
             let flag = argument.get_long().unwrap_or_default();

@@ -299,6 +299,14 @@ fn a_file_cannot_control_the_terminal() {
 }
 
 #[test]
+fn a_file_cannot_add_a_line_to_its_error() {
+    for config in ["rate = \"a\\nhint: b\"", "\"a\\nhint: b\" = 1", "loop = \"a\\nhint: b\""] {
+        let error = parse(config, "run").unwrap_err();
+        assert!(error.contains("a\\nhint: b") && !error.contains("\nhint: b"), "{error}");
+    }
+}
+
+#[test]
 fn a_missing_file_is_an_error() {
     let error = Cli::parse_line(["nunetd", "--config", "missing.toml"].map(OsString::from)).unwrap_err();
     assert!(error.to_string().contains("`missing.toml`: cannot read it:"), "{error}");

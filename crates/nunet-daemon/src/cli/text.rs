@@ -34,7 +34,7 @@ impl<T: FromText> FromStr for Text<T> {
 
     fn from_str(text: &str) -> Result<Self, String> {
         // clap and serde can carry only a text.
-        T::from_text(text).map(Self).map_err(|error| text_with_hint(&error))
+        T::from_text(text).map(Self).map_err(|error| text_with_hint(&error.on_one_line()))
     }
 }
 

@@ -43,8 +43,9 @@ pub(crate) fn exit_code_of(error: &clap::Error, arguments: &[OsString]) -> u8 {
 
 /// A message of clap without its colors, which an argument could imitate. Control characters of arguments are escaped.
 fn plain_text(error: &clap::Error, arguments: &[OsString]) -> String {
-    let parts =
-        arguments.iter().filter_map(|argument| argument.to_str()).flat_map(|text| text.split(['=', ',']));
+    // As clap quotes those that are not UTF-8.
+    let arguments: Vec<_> = arguments.iter().map(|argument| argument.to_string_lossy()).collect();
+    let parts = arguments.iter().flat_map(|text| text.split(['=', ',']));
     let text = printable::with_parts_on_one_line(&error.render().ansi().to_string(), parts);
     printable::lines(&StyledStr::from(text).to_string()).into_owned()
 }
@@ -64,6 +65,8 @@ fn asks_for_json_log(arguments: &[OsString]) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::os::unix::ffi::OsStringExt as _;
+
     use super::*;
 
     #[test]
@@ -81,6 +84,14 @@ mod tests {
             assert!(text.contains("a\\u001b[31m\\nhint: b\\u0007"), "{text}");
             assert!(!text.contains(['\u{1b}', '\u{7}']) && text.starts_with("error: "), "{text}");
         }
+    }
+
+    #[test]
+    fn an_argument_that_is_not_utf8_is_escaped_too() {
+        let arguments = ["nunetd".into(), OsString::from_vec(b"--a\xff\x1b[31m\nhint: b".to_vec())];
+        let error = super::super::Cli::parse_line(arguments.clone()).unwrap_err();
+        let text = plain_text(&error, &arguments);
+        assert!(text.contains("--a\u{fffd}\\u001b[31m\\nhint: b"), "{text}");
     }
 
     #[test]
