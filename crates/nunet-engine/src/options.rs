@@ -36,6 +36,27 @@ impl EngineOptions {
         }
         Ok(())
     }
+
+    /// Each provider with each number of threads to choose from: the values of these options, else every one of `providers`,
+    /// with 1, 2, 4 ... threads up to one per core.
+    #[must_use]
+    pub fn combinations(&self, providers: &[Provider]) -> Vec<(Provider, NonZeroUsize)> {
+        let cores = available_parallelism().unwrap_or(NonZeroUsize::MIN);
+        let powers = std::iter::successors(Some(1_usize), |threads| threads.checked_mul(2));
+        let threads = powers.take_while(|threads| *threads < cores.get()).filter_map(NonZeroUsize::new);
+        let threads: Vec<_> = match self.threads {
+            Some(threads) => vec![threads],
+            None => threads.chain([cores]).collect(),
+        };
+        let named = [self.provider];
+        let providers = if self.provider == Provider::Auto { providers } else { &named };
+        // A graphics card has threads of its own.
+        let with = |&provider: &Provider| match provider {
+            Provider::Cuda | Provider::TensorRt => vec![(provider, NonZeroUsize::MIN)],
+            _ => threads.iter().map(|&threads| (provider, threads)).collect(),
+        };
+        providers.iter().flat_map(with).collect()
+    }
 }
 
 #[cfg(test)]
@@ -54,5 +75,16 @@ mod tests {
         let error = check(most + 1).unwrap_err();
         assert_eq!(error.kind(), EngineErrorKind::Argument);
         assert!(matches!(error, EngineError::TooManyThreads { most: limit, .. } if limit == most));
+    }
+
+    #[test]
+    fn a_given_provider_or_thread_count_is_not_varied() {
+        let options = |provider, threads| EngineOptions { provider, threads, onnxruntime: None };
+        let [one, three] = [1, 3].map(|count| NonZeroUsize::new(count).unwrap());
+        let here = [Provider::Cuda, Provider::Cpu];
+        assert_eq!(options(Provider::Cpu, Some(three)).combinations(&here), [(Provider::Cpu, three)]);
+        let all = options(Provider::Auto, None).combinations(&here);
+        assert_eq!(all[..2], [(Provider::Cuda, one), (Provider::Cpu, one)]);
+        assert_eq!(all.last(), Some(&(Provider::Cpu, available_parallelism().unwrap())));
     }
 }

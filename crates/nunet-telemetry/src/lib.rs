@@ -48,7 +48,7 @@ pub use allocations::{Allocations, CountingAllocator, allocations_of_this_thread
 pub use drain::{DrainTimeout, GivenUp};
 pub use latency::{Latencies, LatencySummary, micros_between};
 pub use ledger::{Counts, FrameEnd, Ledger};
-pub use machine::{peak_rss_mb, processor};
+pub use machine::{host, is_signal_ignored, peak_rss_mb};
 pub use messages::MessageCounts;
 pub use metrics::{CameraMetrics, Metrics};
 pub use rate_limit::{RateLimit, Suppressed};

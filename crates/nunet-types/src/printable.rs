@@ -35,6 +35,15 @@ pub fn lines(text: &str) -> Cow<'_, str> {
     escaped(text, |_, c| !matches!(c, '\n' | '\t'))
 }
 
+/// A text whose later lines, such as the folders that were searched, are a list after the first one.
+#[must_use]
+pub fn with_later_lines_as_list(text: &str) -> String {
+    let mut lines = text.lines().map(str::trim);
+    let first = lines.next().unwrap_or_default();
+    let rest = lines.collect::<Vec<_>>().join(", ");
+    if rest.is_empty() { first.to_owned() } else { format!("{first} {rest}") }
+}
+
 /// A text with each occurrence of `parts` on one line, their control characters escaped. For the message of a library that
 /// quotes arguments unchanged.
 #[must_use]

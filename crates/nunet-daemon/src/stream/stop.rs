@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
+use nunet_telemetry::is_signal_ignored;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::iterator::Signals;
 use signal_hook::{flag, low_level};
@@ -40,7 +41,7 @@ impl Stop {
         thread.spawn(|| exit_on_second_signal(signals)).context(failed)?;
         // A closed terminal sends it twice, from the kernel and from the shell, and SIGTERM may follow: it does not count as
         // the first of two.
-        if !is_ignored(SIGHUP) {
+        if !is_signal_ignored(SIGHUP) {
             flag::register(SIGHUP, Arc::clone(&stop.0)).context(failed)?;
         }
         Ok(stop)
@@ -101,31 +102,9 @@ fn is_second_request(first: &mut Option<Instant>, now: Instant) -> bool {
     now.duration_since(*first.get_or_insert(now)) >= ONE_REQUEST
 }
 
-/// Whether a signal was ignored when this process started, as under `nohup`, and stays ignored. Read from the kernel's
-/// table, because querying the handler takes unsafe code.
-fn is_ignored(signal: i32) -> bool {
-    std::fs::read_to_string("/proc/self/status").is_ok_and(|status| ignores(&status, signal))
-}
-
-fn ignores(status: &str, signal: i32) -> bool {
-    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
-    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);
-    let bit = u32::try_from(signal - 1).ok().and_then(|place| mask.checked_shr(place));
-    bit.is_some_and(|bit| bit & 1 == 1)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn ignored_signals_are_read_from_the_kernels_table() {
-        let status = "Name:\tnunetd\nSigBlk:\tffffffffffffffff\nSigIgn:\t0000000000001001\nSigCgt:\t0000000000004002\n";
-        assert!(ignores(status, SIGHUP), "as under nohup");
-        assert!(ignores(status, signal_hook::consts::SIGPIPE));
-        assert!(!ignores(status, SIGINT) && !ignores(status, SIGTERM));
-        assert!(!ignores("Name:\tnunetd\n", SIGHUP) && !ignores("SigIgn:\tnone\n", SIGHUP));
-    }
 
     #[test]
     fn signals_within_a_second_count_as_one_and_a_later_one_as_the_second() {

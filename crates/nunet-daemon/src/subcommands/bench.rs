@@ -15,10 +15,9 @@ use crate::source::{BitDepthCheck, Fill, Frame, OpenOptions, SourceName, decode}
 use nunet_engine::Buffers;
 use nunet_sink::stdout::print;
 
-pub(super) mod host;
 mod paper;
 
-use nunet_telemetry::{SERIES_HEAD, Series, peak_rss_mb};
+use nunet_telemetry::{SERIES_HEAD, Series, host, peak_rss_mb};
 use nunet_types::printable;
 
 /// Whether each prediction is measured. The first three warm up, in addition to the self-test.
@@ -161,7 +160,7 @@ impl Subject {
             .collect();
         json!({
             "contract": nunet_ipc::CONTRACT_VERSION,
-            "host": host::json(),
+            "host": host(),
             "onnxruntime": engine.runtime().version(),
             "model": { "name": self.name, "hash": self.hash },
             "provider": self.pipeline.graph().provider().name(),

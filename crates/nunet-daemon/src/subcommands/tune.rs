@@ -9,11 +9,12 @@ use nunet_core::graph::Provider;
 use nunet_core::pipeline::PipelineOptions;
 use nunet_engine::{Engine, EngineOptions, find_model};
 use nunet_files::{check_writable, write_whole};
+use nunet_telemetry::host;
 use nunet_types::printable;
 use serde_json::{Value, json};
 use tracing::warn;
 
-use super::bench::{Subject, host, image_or_demo, predictions};
+use super::bench::{Subject, image_or_demo, predictions};
 use super::load::{load, tested_pipeline};
 use crate::Outcome;
 use crate::exit::{BadArguments, WithHint};
@@ -44,7 +45,7 @@ pub(crate) fn tune(options: &TuneOptions) -> anyhow::Result<Outcome> {
     let frame = image_or_demo(options.image.as_deref())?;
     let engine = Engine::start(options.engine.clone())?;
     let mut combinations = Vec::new();
-    for combination in possible(&options.engine, &engine.runtime().providers()) {
+    for combination in options.engine.combinations(&engine.runtime().providers()) {
         match Combination::load(combination, options) {
             Ok(combination) => combinations.push(combination),
             Err(error) => warn!("skipped: {error:#}"),
@@ -101,25 +102,6 @@ impl Combination {
     }
 }
 
-/// The configured values, else every provider that starts here, with 1, 2, 4 ... threads up to one per core.
-fn possible(engine: &EngineOptions, here: &[Provider]) -> Vec<(Provider, NonZeroUsize)> {
-    let cores = std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
-    let powers = std::iter::successors(Some(1_usize), |threads| threads.checked_mul(2));
-    let threads = powers.take_while(|threads| *threads < cores.get()).filter_map(NonZeroUsize::new);
-    let threads: Vec<_> = match engine.threads {
-        Some(threads) => vec![threads],
-        None => threads.chain([cores]).collect(),
-    };
-    let named = [engine.provider];
-    let providers = if engine.provider == Provider::Auto { here } else { &named };
-    // A graphics card has threads of its own.
-    let with = |&provider: &Provider| match provider {
-        Provider::Cuda | Provider::TensorRt => vec![(provider, NonZeroUsize::MIN)],
-        _ => threads.iter().map(|&threads| (provider, threads)).collect(),
-    };
-    providers.iter().flat_map(with).collect()
-}
-
 /// The index of the best combination, given threads and median times.
 fn best(medians: &[(NonZeroUsize, f64)]) -> Option<usize> {
     let fastest = medians.iter().map(|combination| combination.1).min_by(f64::total_cmp)?;
@@ -148,7 +130,7 @@ fn json(combinations: &[Combination], best: &Combination, engine: &Engine) -> Va
     };
     json!({
         "contract": nunet_ipc::CONTRACT_VERSION,
-        "host": host::json(),
+        "host": host(),
         "onnxruntime": engine.runtime().version(),
         "model": { "name": best.subject.name, "hash": best.subject.hash },
         "combinations": combinations.iter().map(combination_json).collect::<Vec<_>>(),
@@ -191,16 +173,5 @@ mod tests {
         let measured: Vec<bool> = predictions(NonZeroU32::MAX).take(5).collect();
         assert_eq!(measured, [false, false, false, true, true]);
         assert_eq!(predictions(NonZeroU32::MIN).filter(|is_measured| *is_measured).count(), 1);
-    }
-
-    #[test]
-    fn a_given_provider_or_thread_count_is_not_varied() {
-        let engine = |provider, threads| EngineOptions { provider, threads, onnxruntime: None };
-        let here = [Provider::Cuda, Provider::Cpu];
-        assert_eq!(possible(&engine(Provider::Cpu, Some(count(3))), &here), [(Provider::Cpu, count(3))]);
-        let all = possible(&engine(Provider::Auto, None), &here);
-        assert_eq!(all[..2], [(Provider::Cuda, count(1)), (Provider::Cpu, count(1))]);
-        let cores = std::thread::available_parallelism().unwrap();
-        assert_eq!(all.last(), Some(&(Provider::Cpu, cores)));
     }
 }

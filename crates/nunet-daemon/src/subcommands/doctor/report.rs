@@ -24,17 +24,10 @@ impl Problem {
     /// The problem for an error.
     pub(super) fn of(error: impl Into<anyhow::Error>) -> Self {
         let (message, hints) = message_and_hints(&error.into());
-        let detail = in_one_line(&message.replace(CAUSE_MARK, ": "));
+        // A check has one line.
+        let detail = printable::with_later_lines_as_list(&message.replace(CAUSE_MARK, ": "));
         Self { detail, hint: (!hints.is_empty()).then(|| hints.join("; ")) }
     }
-}
-
-/// The later lines of an error, such as the folders that were searched, as a list: a check has one line.
-fn in_one_line(text: &str) -> String {
-    let mut lines = text.lines().map(str::trim);
-    let first = lines.next().unwrap_or_default();
-    let rest = lines.collect::<Vec<_>>().join(", ");
-    if rest.is_empty() { first.to_owned() } else { format!("{first} {rest}") }
 }
 
 /// One check.
