@@ -103,10 +103,21 @@ pub(crate) struct RecordingTopics {
     damage: Option<String>,
 }
 
-/// Chooses topics by their first messages, if the names are ambiguous.
+/// What the first message of a topic shows of all its messages.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum FirstImage {
+    /// They are images.
+    Image,
+    /// They are depth.
+    Depth,
+    /// They have an encoding that cannot be read: the error of the first one.
+    Unreadable(String),
+}
+
+/// Judges topics by their first messages, because names and types may be ambiguous.
 pub(crate) trait FirstImages {
-    /// Whether the first message of each topic is depth; topics without a readable message are missing.
-    fn are_depth(&self, topics: &BTreeSet<&str>) -> BTreeMap<String, bool>;
+    /// The first message of each topic; topics without an undamaged message are missing.
+    fn first_images(&self, topics: &BTreeSet<&str>) -> BTreeMap<String, FirstImage>;
 }
 
 impl RecordingTopics {
@@ -145,20 +156,42 @@ impl RecordingTopics {
     }
 
     /// The topic to read images from: the requested one, otherwise the only one with color.
+    ///
+    /// # Errors
+    /// Also if its images cannot be used: each of them would be an error.
     pub(crate) fn image_topic(
         &self,
         path: &Path,
         wanted: Option<&str>,
         first: &dyn FirstImages,
     ) -> Result<String, RecordingError> {
-        if let Some(wanted) = wanted {
-            return self.wanted_topic(path, wanted);
-        }
-        let all = self.image_topics();
-        let mut color = color_topics(&all);
-        let depth = first.are_depth(&color.iter().copied().collect());
+        let first_images = |topics: &[&str]| first.first_images(&topics.iter().copied().collect());
+        let (topic, found) = match wanted {
+            Some(wanted) => (self.wanted_topic(path, wanted)?, first_images(&[wanted])),
+            None => {
+                let all = self.image_topics();
+                let color = color_topics(&all);
+                let found = first_images(&color);
+                (self.color_topic(path, color, &found)?, found)
+            }
+        };
+        let reason = match found.get(&topic) {
+            None | Some(FirstImage::Image) => return Ok(topic),
+            Some(FirstImage::Depth) => "they are depth",
+            Some(FirstImage::Unreadable(reason)) => reason.as_str(),
+        };
+        Err(RecordingError::UnusableImages { path: path.to_owned(), topic, reason: reason.to_owned() })
+    }
+
+    /// The only one of the topics with color that is not depth.
+    fn color_topic(
+        &self,
+        path: &Path,
+        mut color: Vec<&str>,
+        found: &BTreeMap<String, FirstImage>,
+    ) -> Result<String, RecordingError> {
         let named = color.len();
-        color.retain(|topic| depth.get(*topic) != Some(&true));
+        color.retain(|topic| found.get(*topic) != Some(&FirstImage::Depth));
         if color.is_empty() && named > 0 {
             return Err(RecordingError::OnlyDepth { path: path.to_owned(), topics: self.all() });
         }
@@ -185,8 +218,8 @@ impl RecordingTopics {
         let all = self.image_topics();
         let mut depth = depth_topics(&all);
         if depth.is_empty() {
-            let are_depth = first.are_depth(&all.iter().copied().collect());
-            depth = all.into_iter().filter(|topic| are_depth.get(*topic) == Some(&true)).collect();
+            let found = first.first_images(&all.iter().copied().collect());
+            depth = all.into_iter().filter(|topic| found.get(*topic) == Some(&FirstImage::Depth)).collect();
             depth = one_transport_each(&depth);
         }
         match depth.as_slice() {
@@ -271,8 +304,9 @@ mod tests {
     struct Depth(&'static [&'static str]);
 
     impl FirstImages for Depth {
-        fn are_depth(&self, topics: &BTreeSet<&str>) -> BTreeMap<String, bool> {
-            topics.iter().map(|topic| ((*topic).to_owned(), self.0.contains(topic))).collect()
+        fn first_images(&self, topics: &BTreeSet<&str>) -> BTreeMap<String, FirstImage> {
+            let first = |topic| if self.0.contains(topic) { FirstImage::Depth } else { FirstImage::Image };
+            topics.iter().map(|topic| ((*topic).to_owned(), first(topic))).collect()
         }
     }
 

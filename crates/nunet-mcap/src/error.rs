@@ -21,7 +21,7 @@ pub enum RecordingErrorKind {
     GivenUp,
     /// The recording has no images or no depth.
     NothingToRead,
-    /// The requested topic is missing or has another type, or a topic must be requested.
+    /// The requested topic is missing or has another content, or a topic must be requested.
     Topic,
     /// One message cannot be read.
     Message,
@@ -171,6 +171,16 @@ pub enum RecordingError {
         /// Type and encoding of its messages.
         found: String,
     },
+    /// The images of a topic cannot be used: they are depth, or their encoding cannot be read.
+    #[error("topic `{topic:.60}` of `{}` has no images that can be used: {reason:.600}", path.display())]
+    UnusableImages {
+        /// The file.
+        path: PathBuf,
+        /// The topic.
+        topic: String,
+        /// Why not.
+        reason: String,
+    },
     /// One message cannot be read; the next one may be good.
     #[error("message {number} on topic `{topic:.60}`: {reason:.600}")]
     Message {
@@ -218,7 +228,8 @@ impl RecordingError {
             Self::SeveralTopics { .. }
             | Self::SeveralDepths { .. }
             | Self::NoSuchTopic { .. }
-            | Self::NotAnImage { .. } => RecordingErrorKind::Topic,
+            | Self::NotAnImage { .. }
+            | Self::UnusableImages { .. } => RecordingErrorKind::Topic,
             Self::Message { .. } => RecordingErrorKind::Message,
         }
     }
@@ -227,7 +238,7 @@ impl RecordingError {
 impl Hint for RecordingError {
     fn setting(&self) -> Option<&'static str> {
         match self {
-            Self::SeveralTopics { .. } => Some("topic"),
+            Self::SeveralTopics { .. } | Self::UnusableImages { .. } => Some("topic"),
             Self::SeveralDepths { .. } | Self::NoDepth { .. } => Some("depth-topic"),
             Self::Exists { .. } => Some("force"),
             _ => None,
@@ -261,6 +272,7 @@ impl Hint for RecordingError {
             .into(),
             Self::NoSuchTopic { topics, .. } => format!("it has {topics}").into(),
             Self::NotAnImage { .. } => "name a topic with images, or omit the topic".into(),
+            Self::UnusableImages { .. } => "name a topic with color or gray images".into(),
             Self::NothingLeft { .. } => "copy the recording again: nothing can be recovered from this file".into(),
             Self::Damaged { .. } => "copy the recording again, or repair it with `mcap recover`".into(),
             Self::DamagedChunk { .. } => "copy the recording again: the other images can be read".into(),

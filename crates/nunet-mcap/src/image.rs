@@ -166,6 +166,12 @@ impl RecordedImage {
     }
 
     pub(crate) fn set_raw(&mut self, raw: &Raw<'_>, purpose: Purpose) -> Result<(), String> {
+        let (width, height, step) = (raw.width, raw.height, raw.step);
+        let sides = 1..=MAX_SIDE_PX;
+        // First, because an empty message has no encoding either, which would stand for the whole topic.
+        if !sides.contains(&width) || !sides.contains(&height) {
+            return Err(format!("the size is {width}x{height}, expected sides of 1 to {MAX_SIDE_PX} pixels"));
+        }
         let named = ImageEncoding::named(raw.encoding)
             .ok_or_else(|| format!("encoding `{:.60}` cannot be read, expected {READABLE}", raw.encoding))?;
         let encoding = match (named, purpose) {
@@ -173,11 +179,6 @@ impl RecordedImage {
             (ImageEncoding::Mono16, Purpose::Depth) => ImageEncoding::DepthMillimeters,
             (encoding, _) => encoding,
         };
-        let (width, height, step) = (raw.width, raw.height, raw.step);
-        let sides = 1..=MAX_SIDE_PX;
-        if !sides.contains(&width) || !sides.contains(&height) {
-            return Err(format!("the size is {width}x{height}, expected sides of 1 to {MAX_SIDE_PX} pixels"));
-        }
         let (row, needed) = (encoding.row_bytes(width), encoding.image_bytes(height, step));
         if u64::from(step) < row || (raw.data.len() as u64) < needed {
             return Err(format!(

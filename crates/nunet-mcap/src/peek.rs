@@ -1,4 +1,4 @@
-//! Looks at the first images of topics, whose content is not clear from their names.
+//! Looks at the first images of topics, whose content is not clear from their names and types.
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -6,8 +6,10 @@ use std::path::Path;
 
 use crate::RecordingError;
 use crate::bag::RecordingPart;
-use crate::channels::{Channels, FirstImages};
+use crate::channel::Channel;
+use crate::channels::{Channels, FirstImage, FirstImages};
 use crate::decode::{self, ReadMode};
+use crate::encoding::{ImageEncoding, READABLE};
 use crate::image::{IS_DEPTH, RecordedImage};
 use crate::record::Record;
 use crate::records::Records;
@@ -16,11 +18,11 @@ use crate::records::Records;
 pub(crate) const LOOK_AHEAD: usize = 10_000;
 pub(crate) const LOOK_AHEAD_BYTES: usize = 64 << 20;
 
-/// Reads the first message of topics, to see whether they carry depth.
+/// Reads the first undamaged message of topics.
 pub(crate) struct Peek<'a>(pub(crate) &'a [RecordingPart]);
 
 impl FirstImages for Peek<'_> {
-    fn are_depth(&self, topics: &BTreeSet<&str>) -> BTreeMap<String, bool> {
+    fn first_images(&self, topics: &BTreeSet<&str>) -> BTreeMap<String, FirstImage> {
         let found = RefCell::new(BTreeMap::new());
         for part in self.0 {
             // A file that cannot be read is reported by the next read.
@@ -36,7 +38,7 @@ impl FirstImages for Peek<'_> {
 fn peek(
     path: &Path,
     topics: &BTreeSet<&str>,
-    found: &mut BTreeMap<String, bool>,
+    found: &mut BTreeMap<String, FirstImage>,
 ) -> Result<(), RecordingError> {
     let (mut records, mut channels, mut bytes) = (Records::open(path)?, Channels::default(), 0);
     for _ in 0..LOOK_AHEAD {
@@ -48,15 +50,9 @@ fn peek(
             if !topics.contains(channel.topic.as_str()) || found.contains_key(&channel.topic) {
                 return;
             }
-            let read_mode = ReadMode::of_image_topic(&channel.topic);
-            let mut image = RecordedImage::default();
-            let read = channel.kind().map(|kind| decode::image(kind, data, read_mode, &mut image));
-            let is_depth = match read {
-                Some(Ok(())) => image.encoding.is_some_and(|encoding| encoding.is_depth()),
-                Some(Err(reason)) => reason.ends_with(IS_DEPTH),
-                None => false,
-            };
-            found.insert(channel.topic.clone(), is_depth);
+            if let Some(first) = first_image(channel, data) {
+                found.insert(channel.topic.clone(), first);
+            }
         });
         if matches!(more, Err(RecordingError::DamagedChunk { .. })) {
             continue;
@@ -66,4 +62,17 @@ fn peek(
         }
     }
     Ok(())
+}
+
+/// `None` for a damaged message, and for one of another type.
+fn first_image(channel: &Channel, data: &[u8]) -> Option<FirstImage> {
+    let kind = channel.kind().filter(|kind| !kind.is_camera())?;
+    let mut image = RecordedImage::default();
+    match decode::image(kind, data, ReadMode::of_image_topic(&channel.topic), &mut image) {
+        Ok(()) if image.encoding.is_some_and(ImageEncoding::is_depth) => Some(FirstImage::Depth),
+        Ok(()) => Some(FirstImage::Image),
+        Err(reason) if reason.ends_with(IS_DEPTH) => Some(FirstImage::Depth),
+        Err(reason) if reason.ends_with(READABLE) => Some(FirstImage::Unreadable(reason)),
+        Err(_) => None,
+    }
 }

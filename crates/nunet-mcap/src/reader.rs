@@ -81,7 +81,8 @@ impl Recording {
     /// Opens a recording and finds the topic with images (`topic`, if there are several) and its camera.
     ///
     /// # Errors
-    /// No file, not an MCAP file, no topic or several topics with images.
+    /// No file, not an MCAP file, no topic or several topics with images, or a topic whose images cannot be
+    /// used: they are depth, or have an encoding that cannot be read.
     pub fn open(path: &Path, topic: Option<&str>) -> Result<Self, RecordingError> {
         Self::open_unless(path, topic, &|| false)
     }

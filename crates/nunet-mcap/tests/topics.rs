@@ -8,7 +8,9 @@ use std::path::{Path, PathBuf};
 use mcap::WriteOptions;
 use mcap::records::MessageHeader;
 use nunet_mcap::ros::{Header, RawImage, RosMessage, Time};
-use nunet_mcap::{CameraDescription, EncodedImage, Next, RecordedImage, Recording};
+use nunet_mcap::{
+    CameraDescription, EncodedImage, Next, RecordedImage, Recording, RecordingError, RecordingErrorKind,
+};
 
 /// A message on a topic.
 type Message<'a> = (&'a str, RosMessage<'a>);
@@ -114,4 +116,48 @@ fn sixteen_bits_of_a_thermal_camera_are_brightness() {
     let raw = RawImage { width: 1, height: 1, encoding: "16UC1", pixel_bytes: 2, data: &[7, 1] };
     let path = write(folder.path(), &[("/thermal/image_raw", RosMessage::Image(raw))]);
     assert_eq!(Recording::open(&path, None).unwrap().topic(), "/thermal/image_raw");
+}
+
+/// The error of a recording whose images are read from a topic.
+fn refused(path: &Path, topic: Option<&str>) -> RecordingError {
+    Recording::open(path, topic).map(drop).expect_err("its images cannot be used")
+}
+
+#[test]
+fn a_named_topic_of_which_no_image_can_be_used_is_refused_at_the_start() {
+    let folder = tempfile::tempdir().unwrap();
+    let raw = |encoding, pixel_bytes| RawImage { width: 2, height: 1, encoding, pixel_bytes, data: &[7; 16] };
+    let depth_png = png([0, 1500]);
+    let compressed = |format| RosMessage::CompressedImage(EncodedImage { format, data: &depth_png });
+    let unusable = [
+        ("/c/meters", RosMessage::Image(raw("32FC1", 4))),
+        ("/c/millimeters", RosMessage::Image(raw("16UC1", 2))),
+        ("/c/png", compressed("16UC1; png compressed ")),
+        ("/c/depth/compressedDepth", compressed("16UC1; compressedDepth png")),
+        ("/c/flow", RosMessage::Image(raw("32FC2", 8))),
+        ("/c/labels", RosMessage::Image(raw("32SC1", 4))),
+    ];
+    let path = write(folder.path(), &[&unusable[..], &[("/c/image", GRAY)]].concat());
+    for (topic, _) in unusable {
+        let error = refused(&path, Some(topic));
+        assert!(matches!(error, RecordingError::UnusableImages { .. }), "{topic}: {error}");
+        assert_eq!(error.kind(), RecordingErrorKind::Topic);
+    }
+    assert_eq!(Recording::open(&path, Some("/c/image")).unwrap().topic(), "/c/image");
+    let path = write(folder.path(), &[("/c/image", RosMessage::Image(raw("32FC2", 8)))]);
+    assert_eq!(refused(&path, None).kind(), RecordingErrorKind::Topic, "the only one is not named");
+}
+
+#[test]
+fn the_first_undamaged_image_stands_for_its_topic() {
+    let folder = tempfile::tempdir().unwrap();
+    let raw = |encoding, data| RawImage { width: 2, height: 1, encoding, pixel_bytes: 4, data };
+    let empty = RosMessage::Image(RawImage { width: 0, height: 0, ..raw("", &[]) });
+    let cut = RosMessage::Image(raw("rgba8", &[7; 3]));
+    let messages = [("/c/image", empty), ("/c/image", cut)];
+    for (last, is_good) in [(GRAY, true), (RosMessage::Image(raw("32FC1", &[7; 8])), false)] {
+        let path = write(folder.path(), &[&messages[..], &[("/c/image", last)]].concat());
+        assert_eq!(Recording::open(&path, Some("/c/image")).is_ok(), is_good);
+    }
+    assert!(Recording::open(&write(folder.path(), &messages), Some("/c/image")).is_ok(), "none is known");
 }

@@ -57,8 +57,8 @@ impl RecordingSource {
     /// Opens a recording.
     ///
     /// # Errors
-    /// Not a recording, no topic with images, several of them without a choice, or no topic of the requested
-    /// name.
+    /// Not a recording, no topic with images, several of them without a choice, no topic of the requested
+    /// name, or one whose images cannot be used.
     pub fn open(path: &Path, options: OpenOptions<'_>) -> Result<Self, SourceError> {
         let recording = Recording::open_unless(path, options.topic, &|| options.is_given_up())
             .map_err(from_recording_error)?;
@@ -254,16 +254,27 @@ mod tests {
     fn a_topic_without_a_message_is_a_failure() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.mcap");
-        write_recording(&path, "eye", &[None]);
-        let how = OpenOptions { topic: Some("/front/depth/image_raw"), ..OpenOptions::default() };
-        let (mut source, mut frame) = (RecordingSource::open(&path, how).unwrap(), Frame::default());
-        assert!(matches!(source.fill(&mut frame), Fill::Failed(_)), "its only message is depth");
+        let broken: &[u8] = b"\x89PNG\r\n\x1a\n no more";
+        write_recording(&path, "eye", &[Some(broken)]);
+        let mut source = RecordingSource::open(&path, OpenOptions::default()).unwrap();
+        let mut frame = Frame::default();
+        assert!(matches!(source.fill(&mut frame), Fill::Failed(_)), "its only image is damaged");
         assert!(matches!(source.fill(&mut frame), Fill::End));
-        let Err(error) = RecordingSource::open(&path, OpenOptions::default()) else {
-            panic!("it has depth only")
-        };
-        assert_eq!(error.kind(), SourceErrorKind::NothingReadable);
         source.sequence = 0;
         assert!(matches!(source.fill(&mut frame), Fill::Broken(_)));
+    }
+
+    #[test]
+    fn depth_is_refused_as_images_at_the_start() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mcap");
+        write_recording(&path, "eye", &[None]);
+        for (topic, kind) in [
+            (None, SourceErrorKind::NothingReadable),
+            (Some("/front/depth/image_raw"), SourceErrorKind::BadArguments),
+        ] {
+            let error = RecordingSource::open(&path, OpenOptions { topic, ..OpenOptions::default() }).err();
+            assert_eq!(error.map(|error| error.kind()), Some(kind), "{topic:?}");
+        }
     }
 }
