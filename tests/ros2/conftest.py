@@ -80,7 +80,7 @@ class Daemon:
 
         Those in the stats are taken before the last frame has left, because a network that hangs must not delay them.
         """
-        pattern = r"ROS 2: (\d+) messages sent, (\d+) not taken, (\d+) frames superseded"
+        pattern = r"ROS 2: (\d+) messages? sent, (\d+) not taken, (\d+) frames? superseded"
         (found,) = re.findall(pattern, self.log.read_text())
         return dict(zip(("sent", "not_taken", "superseded"), map(int, found), strict=True))
 

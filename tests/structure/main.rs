@@ -5,6 +5,7 @@
 //! cannot fail is useless.
 
 mod core_rules;
+mod counts;
 mod cycles;
 mod dependencies;
 mod documents;

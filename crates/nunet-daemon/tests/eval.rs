@@ -410,7 +410,7 @@ fn names_that_are_times_are_joined_also_beside_equal_names_and_others() {
     let (found, stderr): (Value, _) = (serde_json::from_slice(&output.stdout).unwrap(), text(&output.stderr));
     assert_eq!((&found["pictures"], &found["skipped"]), (&2.into(), &0.into()));
     assert_near(&found["metrics"]["rmse"], 0.1, 0.0005);
-    let joined = "joined 1 images with depth by their time stamps (within 20 ms), 1 by equal names";
+    let joined = "joined 1 image with depth by time stamps (within 20 ms), 1 by equal names";
     for part in [joined, "no time stamps, unlike the others: `thumb`"] {
         assert!(stderr.contains(part), "{part} is not in\n{stderr}");
     }

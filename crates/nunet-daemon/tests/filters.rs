@@ -154,7 +154,7 @@ fn a_filtered_stream_is_recorded_and_replayed() {
         &[&["-q", "run", "--source", &images, "--camera", &name, "--record", &recorded], &how[..]].concat(),
     ));
     let output = run_well(nunetd(&[&["-q", "replay", &recorded, &replayed], &how[..]].concat()));
-    assert!(text(&output.stdout).starts_with("1 frames, 0 lost"), "{}", text(&output.stdout));
+    assert!(text(&output.stdout).starts_with("1 frame, 0 lost"), "{}", text(&output.stdout));
     let size = |path: &str| std::fs::metadata(path).unwrap().len();
     let plain = bench.arg("plain.mcap");
     run_well(nunetd(&["-q", "replay", &recorded, &plain, "--model", &model]));

@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use nunet_core::graph::{GraphOptions, Provider, Runtime, SerialGraph};
 use nunet_core::model::SelfTestReport;
 use nunet_core::pipeline::{Pipeline, PipelineOptions};
+use nunet_types::counted;
 use serde::Serialize;
 use tracing::{info, warn};
 
@@ -194,7 +195,8 @@ impl LoadedModel {
             pipelines.push(Pipeline::new(graph, options)?);
         }
         if pipelines.len() > 1 {
-            info!("{} cameras share the model; its weights are in memory once", pipelines.len());
+            let cameras = counted(pipelines.len(), "camera");
+            info!("{cameras} share the model; its weights are in memory once");
         }
         Ok(pipelines)
     }

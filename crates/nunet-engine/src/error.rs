@@ -11,7 +11,7 @@ use nunet_core::filter::FilterError;
 use nunet_core::frame::FrameError;
 use nunet_core::graph::{GraphError, RuntimeError};
 use nunet_core::pipeline::PipelineError;
-use nunet_types::{Hint, printable};
+use nunet_types::{Hint, counted, printable};
 
 use crate::error_kind::EngineErrorKind;
 use crate::text::{MODELS_VARIABLE, ONNX_RUNTIME_VERSION};
@@ -45,7 +45,7 @@ pub enum EngineError {
         places: String,
     },
     /// More threads than this machine could run.
-    #[error("{threads} threads on {cores} cores; expected at most {most}")]
+    #[error("{} on {}; expected at most {most}", counted(threads.get(), "thread"), counted(cores.get(), "core"))]
     TooManyThreads {
         /// What was asked for.
         threads: NonZeroUsize,

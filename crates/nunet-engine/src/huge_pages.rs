@@ -11,6 +11,7 @@
 use std::fs;
 use std::ops::Range;
 
+use nunet_types::counted;
 use tracing::debug;
 
 /// A huge page of x86-64, and of aarch64 with pages of 4 KiB.
@@ -25,7 +26,7 @@ pub(crate) fn collapse_resident() {
     let Ok(maps) = fs::read_to_string("/proc/self/maps") else { return };
     let blocks = maps.lines().filter_map(private_memory).flat_map(blocks).filter(is_resident);
     let moved = blocks.filter(collapse).count();
-    debug!("{moved} huge pages of {} MiB", HUGE >> 20);
+    debug!("{} of {} MiB", counted(moved, "huge page"), HUGE >> 20);
 }
 
 /// The addresses in a line of `maps`, if it is private memory without a file: the heap, or an anonymous mapping.

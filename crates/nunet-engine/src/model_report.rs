@@ -2,7 +2,7 @@
 
 use nunet_core::graph::{SerialGraph, StageInfo, TensorSpec};
 use nunet_core::model::{ModelDescription, SelfTestReport, StateTensor};
-use nunet_types::{printable, shortest};
+use nunet_types::{counted, printable, shortest};
 use serde_json::{Value, json};
 
 /// A model that was loaded and self-tested.
@@ -188,7 +188,8 @@ fn stage_text(stage: &StageInfo) -> String {
             .collect::<Vec<_>>()
             .join(", ")
     };
-    let every = if stage.every > 1 { format!(", every {} frames", stage.every) } else { String::new() };
+    let every = counted(stage.every, "frame");
+    let every = if stage.every > 1 { format!(", every {every}") } else { String::new() };
     format!("{}: {} -> {}{every}", stage.name, list(&stage.inputs), list(&stage.outputs))
 }
 

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use nunet_core::camera::Camera;
 use nunet_core::obstacle::{DepthImage, Mount, ObstacleDetector, ObstacleOptions};
-use nunet_types::{NO_LABEL, ObstacleSector, SectorState};
+use nunet_types::{NO_LABEL, ObstacleSector, SectorState, counted};
 use serde::Serialize;
 
 use crate::error::EvalError;
@@ -208,8 +208,8 @@ impl ObstacleScores {
             text.push('\n');
         }
         let [alarms, unknown] = [self.false_alarms, self.wrongly_unknown].map(number);
-        let (near_m, clear) = (self.near_m, self.clear_sectors);
-        text + &format!("{clear} sectors free beyond {near_m} m: false alarms {alarms}, unknown {unknown}\n")
+        let (near_m, clear) = (self.near_m, counted(self.clear_sectors, "sector"));
+        text + &format!("{clear} free beyond {near_m} m: false alarms {alarms}, unknown {unknown}\n")
     }
 }
 

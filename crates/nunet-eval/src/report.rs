@@ -5,7 +5,7 @@ use std::path::Path;
 use nunet_core::pipeline::Pipeline;
 use nunet_engine::ModelName;
 use nunet_files::write_whole;
-use nunet_types::{CONTRACT_VERSION, ScaleSource, printable};
+use nunet_types::{CONTRACT_VERSION, ScaleSource, counted, printable};
 use serde::Serialize;
 
 use crate::baseline::{Baseline, BaselineSource};
@@ -172,8 +172,10 @@ impl Report {
         text += &self.sparsification.as_ref().map(sparsification_lines).unwrap_or_default();
         text += &self.obstacles.as_ref().map(ObstacleScores::text).unwrap_or_default();
         text += &format!(
-            "{} pixels compared, {} without a prediction, {} with true depth outside of what is compared",
-            self.pixels, self.pixels_without_prediction, self.pixels_beyond
+            "{} compared, {} without a prediction, {} with true depth outside of what is compared",
+            counted(self.pixels, "pixel"),
+            self.pixels_without_prediction,
+            self.pixels_beyond
         );
         text
     }
@@ -181,9 +183,9 @@ impl Report {
     fn header(&self) -> String {
         let Self { model, architecture, dataset, pictures, skipped, protocol, scale_source, .. } = self;
         let title = format!(
-            "{} ({architecture}) on {dataset}: {pictures} images, {skipped} skipped, protocol {protocol}, scale \
-             {scale_source}",
-            model.name
+            "{} ({architecture}) on {dataset}: {}, {skipped} skipped, protocol {protocol}, scale {scale_source}",
+            model.name,
+            counted(*pictures, "image")
         );
         format!("{}\n{:<15}{:>9}{:>12}\n", printable::one_line(&title), "", "network", "mean image")
     }

@@ -15,6 +15,7 @@ use std::os::unix::fs::{DirBuilderExt as _, FileTypeExt as _, MetadataExt as _, 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
+use nunet_types::counted;
 use rustix::fs::{Access as Asked, AtFlags, CWD, Mode, OFlags};
 use rustix::io::Errno;
 
@@ -246,7 +247,8 @@ pub fn check_files() -> Result<String, IpcError> {
     }
     let users =
         |groups: Vec<String>| if groups.is_empty() { "no group".to_owned() } else { groups.join(", ") };
-    Ok(format!("{count} segments of payload, read by {}, written by {}", users(readers), users(writers)))
+    let segments = counted(count, "segment");
+    Ok(format!("{segments} of payload, read by {}, written by {}", users(readers), users(writers)))
 }
 
 /// Gives the files that a publisher has created so far to the group of [`share_with`]: those with the process id in one of

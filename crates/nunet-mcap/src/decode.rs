@@ -2,7 +2,7 @@
 
 use foxglove::Decode;
 use foxglove::messages as protobuf;
-use nunet_types::ImageSize;
+use nunet_types::{ImageSize, counted};
 
 use crate::camera::{CameraDescription, CameraMatrices};
 use crate::cdr;
@@ -165,7 +165,7 @@ pub(crate) fn camera(
 fn check_matrices([k, r, p]: [&[f64]; 3]) -> Result<(), String> {
     for (name, matrix, expected) in [("K", k, 9), ("R", r, 9), ("P", p, 12)] {
         if !matrix.is_empty() && matrix.len() != expected {
-            return Err(format!("{name} has {} values, expected {expected}", matrix.len()));
+            return Err(format!("{name} has {}, expected {expected}", counted(matrix.len(), "value")));
         }
     }
     Ok(())
@@ -279,7 +279,7 @@ mod tests {
         for length in [1, 4, 6, 8, 10, 12] {
             let k = vec![1.0; length];
             let error = read(&protobuf::CameraCalibration { k, ..good.clone() }, false).unwrap_err();
-            assert_eq!(error, format!("K has {length} values, expected 9"));
+            assert_eq!(error, format!("K has {}, expected 9", counted(length, "value")));
         }
         let error =
             read(&protobuf::CameraCalibration { r: vec![1.0; 3], ..good.clone() }, false).unwrap_err();

@@ -5,7 +5,7 @@ use numpy::{PyArray1, PyArray2};
 use nunet_core::camera::Camera;
 use nunet_core::obstacle::{DepthImage, Mount, ObstacleDetector, ObstacleOptions};
 use nunet_ipc::{ObstacleRecord, ObstacleSector};
-use nunet_types::ObstacleMap;
+use nunet_types::{ObstacleMap, counted};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -202,7 +202,7 @@ pub(crate) fn optional_mount_argument(object: &Bound<'_, PyAny>) -> PyResult<Opt
 pub(crate) fn mount(numbers: &[f64]) -> PyResult<Mount> {
     let &[x, y, z, roll, pitch, yaw] = numbers else {
         return Err(hinted::<PyValueError>(
-            format!("`mount` has {} numbers; expected 6", numbers.len()),
+            format!("`mount` has {}; expected 6", counted(numbers.len(), "number")),
             MOUNT_EXAMPLE,
         ));
     };

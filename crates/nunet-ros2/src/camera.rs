@@ -18,6 +18,7 @@ use nunet_sink::results::Results;
 use nunet_sink::sink::{FinishingSink, Outcome, PublishedFrame, Sink, Status, Wants};
 use nunet_source::{Mailbox, Reuse, Taken};
 use nunet_telemetry::{Counts, MessageCounts, RateLimit, Stability};
+use nunet_types::counted;
 use tracing::{info, warn};
 
 use self::other_publishers::OtherPublishers;
@@ -144,7 +145,8 @@ impl Sink for Ros2Sink {
             };
             let (sent, not_taken) = (shared.counts.sent(), shared.counts.not_taken());
             let superseded = shared.counts.superseded();
-            info!("{network}: {sent} messages sent, {not_taken} not taken, {superseded} frames superseded");
+            let (sent, superseded) = (counted(sent, "message"), counted(superseded, "frame"));
+            info!("{network}: {sent} sent, {not_taken} not taken, {superseded} superseded");
             if let Some(why) = failure {
                 warn!("the last messages for {network} were not sent: {why}");
                 return Ok(Outcome::Lost);

@@ -10,7 +10,7 @@ use nunet_core::pipeline::Pipeline;
 use nunet_ipc::{AttitudeReader, CameraName};
 use nunet_source::{CaptureTime, Frame};
 use nunet_telemetry::RateLimit;
-use nunet_types::Hint as _;
+use nunet_types::{Hint as _, counted};
 use tracing::{info, warn};
 
 use crate::obstacles::ObstacleStage;
@@ -156,7 +156,8 @@ impl AttitudeStage {
     fn warn(&mut self, reason: &str, hint: Option<&str>) {
         let Self { frames, frames_without, .. } = self;
         let text = format!(
-            "the robot counts as level in {frames_without} of {frames} frames, because its attitude is unknown: {reason}"
+            "the robot counts as level in {frames_without} of {}, because its attitude is unknown: {reason}",
+            counted(*frames, "frame")
         );
         if let Some(suppressed) = self.warned.allow_text(Instant::now(), &text) {
             warn!(hint, "{text}{suppressed}");

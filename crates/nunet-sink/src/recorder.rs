@@ -12,6 +12,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use nunet_telemetry::DrainTimeout;
+use nunet_types::counted;
 use tracing::{error, info, warn};
 
 use crate::archive::{Archive, ArchiveWriter};
@@ -60,11 +61,11 @@ impl Sink for Recorder {
     fn has_room(&mut self) -> bool {
         if let Some(stalled) = self.queue.stall_warning() {
             warn!(
-                "the recording `{}` stalls: its disk wrote nothing for {} s, and {} frames wait; check whether the disk \
-                 or mount responds",
+                "the recording `{}` stalls: its disk wrote nothing for {} s, with {} waiting; check whether the disk or \
+                 mount responds",
                 self.path.display(),
                 stalled.as_secs(),
-                self.queue.waiting()
+                counted(self.queue.waiting(), "frame")
             );
         }
         !self.source_waits || self.queue.has_room()
@@ -125,9 +126,9 @@ impl Tally {
     /// Logs how the recording ended. An incomplete recording is a loss.
     fn log(self) -> Outcome {
         let Self { recorded, dropped, complete } = self;
-        info!("recording: {recorded} frames");
+        info!("recording: {}", counted(recorded, "frame"));
         if dropped > 0 {
-            error!("{dropped} frames are not in the recording: the disk did not keep up or failed");
+            error!("{} not in the recording: the disk did not keep up or failed", counted(dropped, "frame"));
         }
         if dropped == 0 && complete { Outcome::Done } else { Outcome::Lost }
     }

@@ -5,7 +5,7 @@ use nunet_ipc::{
     CameraName, FrameHeader, Message, ObstacleRecord, SectorState, StatsRecord, Units, monotonic_nanos,
     unix_nanos,
 };
-use nunet_types::{printable, shortest};
+use nunet_types::{counted, printable, shortest};
 use serde_json::{Map, Value, json};
 
 /// The newest messages beside depth that are read for a terminal.
@@ -168,8 +168,8 @@ fn text_beside_depth(beside: &BesideDepth) -> anyhow::Result<String> {
 
 /// The depth map's missing pixels, and its stability.
 fn depth_of(header: &FrameHeader, stats: &StatsRecord) -> String {
-    let (copied, invalid) = (header.bytes_copied, header.invalid_pixels);
-    format!("copied {copied} bytes · without depth {invalid} pixels\n{}", stability_of(stats))
+    let (copied, invalid) = (counted(header.bytes_copied, "byte"), counted(header.invalid_pixels, "pixel"));
+    format!("copied {copied} · without depth {invalid}\n{}", stability_of(stats))
 }
 
 /// Drift and flicker of depth, and whether they are too much.

@@ -13,7 +13,7 @@ use image::metadata::Orientation;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 use nunet_core::frame::MAX_SIDE_PX;
 use nunet_core::plain_file;
-use nunet_types::ImageSize;
+use nunet_types::{ImageSize, counted};
 
 use crate::convert::{self, Bayer, RawImageView, RawLayout};
 use crate::error::{SourceError, SourceErrorKind};
@@ -236,7 +236,7 @@ fn format_of(file: &[u8]) -> Result<ImageFormat> {
         Ok(other) => (format!("the image is {other:?}").into(), "save it as one of them"),
         Err(_) if file.is_empty() => ("the file is empty".into(), "copy or record it again"),
         Err(_) if let Some(bytes) = bytes_before_jpeg(file) => {
-            (format!("the file has {bytes} bytes before a JPEG").into(), "remove them")
+            (format!("the file has {} before a JPEG", counted(bytes, "byte")).into(), "remove them")
         }
         Err(_) => ("the file is not an image of a known format".into(), "save it as one of them"),
     };

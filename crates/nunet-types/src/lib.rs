@@ -12,6 +12,7 @@
 //! | [`Hint`] | what a user can do about an error |
 //! | [`is_host_and_port`] | whether a text is an address on a network |
 //! | [`shortest()`] | a number that prints as it was written |
+//! | [`counted()`] | a count with its noun in the singular or plural |
 //!
 //! Each enumeration has a number (in shared memory), a name (on the command line, in files, in JSON) and a
 //! documentation text (in the C header). One macro writes all three, so they cannot differ.
@@ -38,6 +39,7 @@ mod camera_info;
 mod classes;
 mod cloud_point;
 mod contract;
+mod counted;
 mod depth;
 mod hint;
 mod host_port;
@@ -56,6 +58,7 @@ pub use camera_info::{CameraInfo, DistortionModel, MAX_COEFFICIENTS};
 pub use classes::NYU13_CLASSES;
 pub use cloud_point::{CloudPoint, NO_LABEL};
 pub use contract::CONTRACT_VERSION;
+pub use counted::counted;
 pub use depth::{Quality, ScaleSource, Units};
 pub use hint::{CAUSE_MARK, Hint, hint_of_listen, join_hint, split_hint, text_with_causes, text_with_hint};
 pub use host_port::is_host_and_port;

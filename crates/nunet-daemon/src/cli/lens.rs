@@ -4,8 +4,7 @@ use std::num::NonZeroU32;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use nunet_core::camera::IntrinsicsSpec;
-use nunet_core::camera::check_scale_factor;
+use nunet_core::camera::{IntrinsicsSpec, check_scale_factor};
 use nunet_core::framing::AspectMode;
 use nunet_core::obstacle::Mount;
 use nunet_core::pipeline::PipelineOptions;

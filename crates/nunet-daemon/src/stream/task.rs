@@ -17,7 +17,7 @@ use nunet_sink::stats_record::stage_names;
 use nunet_telemetry::{
     Counts, FrameEnd, Latencies, MessageCounts, RateLimit, Totals, allocations_of_this_thread, micros_between,
 };
-use nunet_types::PixelRect;
+use nunet_types::{PixelRect, counted};
 use tracing::{debug, error, trace_span};
 
 use super::round_robin::{Poll, RoundRobinTask};
@@ -256,7 +256,8 @@ impl StreamTask {
         if is_usage(&error) {
             self.failure = Some(error);
         } else if is_first && self.failures >= MAX_FAILURES_BEFORE_FIRST_FRAME {
-            self.failure = Some(error.context(format!("the first {} frames failed", self.failures)));
+            self.failure =
+                Some(error.context(format!("the first {} failed", counted(self.failures, "frame"))));
         } else if let Some(text) = self.lost.lost_frame(Instant::now(), frame.sequence, &error) {
             error!("{text}");
             details_of(error.as_ref()).into_iter().for_each(|text| debug!("ONNX Runtime's message: {text}"));

@@ -5,20 +5,18 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use nunet_core::pipeline::{Pipeline, PipelineOptions};
-use nunet_engine::MonotonicClock;
-use nunet_engine::{Engine, EngineOptions};
+use nunet_engine::{Buffers, Engine, EngineOptions, MonotonicClock};
 use serde_json::{Value, json};
 
 use super::load::{load, tested_pipeline};
 use crate::Outcome;
 use crate::source::{BitDepthCheck, Fill, Frame, OpenOptions, SourceName, decode};
-use nunet_engine::Buffers;
 use nunet_sink::stdout::print;
 
 mod paper;
 
 use nunet_telemetry::{SERIES_HEAD, Series, host, peak_rss_mb};
-use nunet_types::printable;
+use nunet_types::{counted, printable};
 
 /// Whether each prediction is measured. The first three warm up, in addition to the self-test.
 pub(super) fn predictions(runs: NonZeroU32) -> impl Iterator<Item = bool> {
@@ -177,10 +175,10 @@ impl Subject {
 
     fn text(&self, options: &BenchOptions) -> String {
         let title = format!(
-            "{} ({}), {} predictions, provider {}",
+            "{} ({}), {}, provider {}",
             self.name,
             self.pipeline.graph().description().architecture,
-            options.runs,
+            counted(options.runs.get(), "prediction"),
             self.pipeline.graph().provider()
         );
         let mut text = format!("{}\n  {SERIES_HEAD}\n", printable::one_line(&title));

@@ -10,6 +10,7 @@ use nunet_engine::{Engine, EngineOptions, ModelName, find_model, model_folders};
 use nunet_eval::{Agreement, CalibrateError, Calibrator, EvalOptions, Event, Reference, files_of_readings};
 use nunet_files::check_writable;
 use nunet_sink::file_plan::{FilePlan, place};
+use nunet_types::counted;
 use serde_json::json;
 use tracing::{info, warn};
 
@@ -152,7 +153,7 @@ fn take_frames(
     drive(&mut *opened, pace, stop, &mut taker)?;
     match taker.frames {
         0 => Ok(stop.check()?),
-        frames if stop.requested() => bail!("stopped after {frames} frames, before the factor was known"),
+        n if stop.requested() => bail!("stopped after {}, before the factor was known", counted(n, "frame")),
         _ => Ok(()),
     }
 }

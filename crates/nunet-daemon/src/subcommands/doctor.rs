@@ -7,6 +7,7 @@ use nunet_core::pipeline::{Pipeline, PipelineOptions};
 use nunet_engine::{Engine, EngineOptions, TELEMETRY_VARIABLE, Telemetry, cache_folder};
 use nunet_ipc::orphans::{self, Cleaning};
 use nunet_ipc::{IpcError, Limits, Reservation, Topic, cameras, free_shared_memory_bytes};
+use nunet_types::counted;
 
 use super::load::load;
 use crate::Outcome;
@@ -38,8 +39,7 @@ pub(crate) fn doctor(model: &Path, engine: EngineOptions, json: bool) -> anyhow:
     print(text.trim_end())?;
     match checks.problems() {
         0 => Ok(Outcome::Done),
-        1 => anyhow::bail!("1 problem found"),
-        problems => anyhow::bail!("{problems} problems found"),
+        problems => anyhow::bail!("{} found", counted(problems, "problem")),
     }
 }
 
@@ -86,7 +86,8 @@ const CPU_PROVIDER: &str = "CPUExecutionProvider";
 fn provider(graph: &SerialGraph) -> Finding {
     let provider = graph.provider();
     let nodes = graph.node_assignment().map_err(Problem::of)?;
-    let shares: Vec<_> = nodes.iter().map(|(name, nodes)| format!("{nodes} nodes on {name}")).collect();
+    let shares: Vec<_> =
+        nodes.iter().map(|(name, nodes)| format!("{} on {name}", counted(*nodes, "node"))).collect();
     let detail = format!("{provider}: {}", shares.join(", "));
     if provider != Provider::Cpu && nodes.keys().all(|name| name == CPU_PROVIDER) {
         return Err(Problem::new(detail, "no node runs on it: --provider cpu is equivalent"));
@@ -120,9 +121,9 @@ fn shared_memory(pipeline: Option<&Pipeline>) -> Finding {
 fn orphans() -> Finding {
     match orphans::clean().map_err(Problem::of)? {
         Cleaning { removed: 0, failed: 0 } => Ok("no resources of dead processes".to_owned()),
-        Cleaning { removed, failed: 0 } => Ok(format!("cleaned up after {removed} dead processes")),
+        Cleaning { removed, failed: 0 } => Ok(format!("cleaned up after dead processes: {removed}")),
         Cleaning { failed, .. } => Err(Problem::new(
-            format!("{failed} dead processes left resources that cannot be removed"),
+            format!("dead processes whose resources cannot be removed: {failed}"),
             format!(
                 "they belong to another user or are damaged: stop every program that uses iceoryx2 and remove `{}`",
                 nunet_ipc::root().display()

@@ -8,7 +8,7 @@ use nunet_engine::{Engine, EngineOptions, find_model};
 use nunet_eval::{EvalError, EvalErrorKind, EvalOptions, Evaluator, Event, NOT_METERS, cap_for};
 use nunet_files::check_folder;
 use nunet_sink::file_plan::FilePlan;
-use nunet_types::Hint as _;
+use nunet_types::{Hint as _, counted};
 use tracing::{error, info, warn};
 
 use super::load::{load, tested_pipeline};
@@ -98,13 +98,14 @@ fn log(problem: Event<'_>) {
     match problem {
         Event::Skipped { id, reason, hint } => error!(hint, "skipped `{id}`: {reason}"),
         Event::SkippedAlike { count, reason, hint } => {
-            error!(hint, "skipped {count} images for the same reason: {reason}");
+            error!(hint, "skipped {} for the same reason: {reason}", counted(count, "image"));
         }
         Event::Warning(text) => warn!("{text}"),
         Event::DimImages(found) => warn!(hint = found.hint().as_deref(), "{found}"),
         Event::Camera(news) => warn_of_camera(&news),
         Event::JoinedByTime { by_time, by_name, apart_ms } => info!(
-            "joined {by_time} images with depth by their time stamps (within {apart_ms} ms), {by_name} by equal names"
+            "joined {} with depth by time stamps (within {apart_ms} ms), {by_name} by equal names",
+            counted(by_time, "image")
         ),
         Event::TruthBeyondCap { share, cap_m, farthest_m, is_meters } => {
             let (percent, hint) = (100.0 * share, depth_cap_hint(farthest_m, is_meters));

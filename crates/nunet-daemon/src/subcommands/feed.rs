@@ -12,7 +12,7 @@ use nunet_ipc::{
     CameraName, FrameHeader, LATE_JOINER_PERIOD, Limits, Publisher, Topic, TopicPlan, Wake, monotonic_nanos,
 };
 use nunet_telemetry::RateLimit;
-use nunet_types::ImageSize;
+use nunet_types::{ImageSize, counted};
 use tracing::{error, info, warn};
 
 use crate::Outcome;
@@ -55,9 +55,9 @@ pub(crate) fn feed(options: &FeedOptions) -> anyhow::Result<Outcome> {
     let pace = Pace::of(&options.source);
     let end = serving_late_joiners(&images, || drive(source.as_mut(), pace, &stop, &mut feeder))?;
     let Feeder { camera, sent, superseded, failed, .. } = feeder;
-    info!("camera `{camera}`: {sent} frames sent, {superseded} superseded, {failed} failed");
+    info!("camera `{camera}`: {} sent, {superseded} superseded, {failed} failed", counted(sent, "frame"));
     if failed > 0 {
-        error!("{failed} of {} frames were lost", sent + failed);
+        error!("lost {failed} of {}", counted(sent + failed, "frame"));
     }
     Ok(if failed == 0 && end != SourceEnd::Truncated { Outcome::Done } else { Outcome::Lost })
 }

@@ -7,13 +7,13 @@ use anyhow::{Context as _, bail};
 use nunet_core::clock::Clock as _;
 use nunet_core::depth::Units;
 use nunet_core::pipeline::{FrameReport, Pipeline};
-use nunet_engine::MonotonicClock;
-use nunet_engine::{Engine, EngineOptions, find_model};
+use nunet_engine::{Buffers, Engine, EngineOptions, MonotonicClock, find_model};
 use nunet_files::{ResultArrays, check_folder, write_json, write_results};
 use nunet_sink::file_plan::FilePlan;
 use nunet_sink::obstacle_images::ObstacleView;
 use nunet_sink::obstacles::ObstacleStage;
 use nunet_telemetry::{Counts, Latencies, Totals};
+use nunet_types::counted;
 use tracing::{error, info};
 
 use super::load::{load_unless, obstacle_stage, tested_pipeline};
@@ -25,7 +25,6 @@ use crate::source::{
     BitDepthCheck, CameraResolver, Frame, Rotator, SourceName, decode, glance, list, listed_files,
 };
 use crate::stream::{Stop, Stopped};
-use nunet_engine::Buffers;
 
 /// The options of `infer`.
 pub(crate) struct InferOptions {
@@ -76,7 +75,7 @@ fn infer_unless(options: &InferOptions, stop: &Stop) -> anyhow::Result<Outcome> 
     }
     let outcome = judge(failures, looked_at)?;
     if looked_at < images.len() {
-        error!("stopped before {} of {} images", images.len() - looked_at, images.len());
+        error!("stopped before {} of {}", images.len() - looked_at, counted(images.len(), "image"));
         return Ok(Outcome::Lost);
     }
     Ok(outcome)
@@ -129,7 +128,7 @@ fn judge(mut failures: Vec<anyhow::Error>, images: usize) -> anyhow::Result<Outc
         Some(last) if failed == images => Err(last),
         last => {
             last.into_iter().for_each(|last| error!("{last:#}"));
-            error!("{failed} of {images} images failed");
+            error!("{failed} of {} failed", counted(images, "image"));
             Ok(Outcome::Lost)
         }
     }

@@ -6,7 +6,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 pub(super) fn progress(what: &'static str, count: Option<u64>) -> ProgressBar {
     let (bar, template) = match count {
         Some(count) => (ProgressBar::new(count), "{prefix} {wide_bar} {pos}/{len} {per_sec} {eta} left"),
-        None => (ProgressBar::new_spinner(), "{prefix} {pos} frames {per_sec}"),
+        None => (ProgressBar::new_spinner(), "{prefix} frame {pos} {per_sec}"),
     };
     let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
     bar.with_style(style).with_prefix(what)

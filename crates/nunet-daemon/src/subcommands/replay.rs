@@ -3,8 +3,7 @@
 use anyhow::Context as _;
 use indicatif::ProgressBar;
 use nunet_core::pipeline::{FrameReport, Pipeline};
-use nunet_engine::MonotonicClock;
-use nunet_engine::{Engine, EngineOptions, file_sha256, find_model, hexadecimal};
+use nunet_engine::{Buffers, Engine, EngineOptions, MonotonicClock, file_sha256, find_model, hexadecimal};
 use nunet_ipc::CameraName;
 use nunet_sink::attitude::{AttitudeConfig, AttitudeSource, AttitudeStage};
 use nunet_sink::empty_depth::EmptyDepthWarning;
@@ -32,7 +31,6 @@ use crate::source::{
     CameraResolver, Continuity, Fill, Frame, OpenOptions, RecordingSource, Rotated, Source, StartingWith,
 };
 use crate::stream::{FrameHandler, Pace, SourceEnd, Stop, Stopped, drive};
-use nunet_engine::Buffers;
 use nunet_sink::stdout::print;
 
 /// The output is synced after this many frames, so that a full disk loses at most these.
@@ -310,7 +308,7 @@ impl Replay {
             })
             .to_string()
         } else {
-            format!("{frames} frames, {failed} lost, results sha256 {hash}")
+            format!("{}, {failed} lost, results sha256 {hash}", nunet_types::counted(frames, "frame"))
         };
         print(&text)?;
         info!("`{}` -> `{}`", options.input.display(), options.output.display());

@@ -13,7 +13,7 @@ use nunet_engine::Engine;
 use nunet_files::write_json;
 use nunet_ipc::{Access, IpcError, share_with};
 use nunet_sink::file_writer::FileWriter;
-use nunet_telemetry::Counts;
+use nunet_telemetry::{Counts, DrainTimeout};
 use tracing::{error, info};
 
 use self::camera::span_of;
@@ -26,7 +26,6 @@ use crate::exit::BadArguments;
 use crate::sink::stats::{Common, ModelName, Stats};
 use crate::source::{Notify, SourceName};
 use crate::stream::{self, SourceEnd, Stop, Stopped, StreamEnd, StreamSummary};
-use nunet_telemetry::DrainTimeout;
 
 /// Runs until all sources have ended, `--frames` of each are captured, or a stop is requested.
 pub(crate) fn run(config: &Config) -> anyhow::Result<Outcome> {
@@ -189,9 +188,10 @@ fn conclude(names: &[String], ended: Vec<StreamEnd>) -> (Vec<CameraEnd<'_>>, any
 /// as an error, so that `-q` shows it.
 fn log_counts(counts: &Counts, source: SourceEnd) -> Outcome {
     let Counts { captured, published, superseded, failed, in_flight: _ } = counts;
-    info!("{captured} frames captured: {published} published, {superseded} superseded, {failed} failed");
+    let frames = nunet_types::counted(*captured, "frame");
+    info!("{frames} captured: {published} published, {superseded} superseded, {failed} failed");
     if *failed > 0 {
-        error!("{failed} of {captured} frames were lost");
+        error!("lost {failed} of {frames}");
     }
     if *failed == 0 && source != SourceEnd::Truncated { Outcome::Done } else { Outcome::Lost }
 }

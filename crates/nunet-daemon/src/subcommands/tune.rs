@@ -97,7 +97,7 @@ impl Combination {
             let (name, hash) = (loaded.name(), loaded.hash());
             Ok(Subject::new(name, hash, tested_pipeline(loaded, PipelineOptions::default())?))
         };
-        let subject = load().with_context(|| format!("{provider} with {threads} threads"))?;
+        let subject = load().with_context(|| format!("--provider {provider} --threads {threads}"))?;
         Ok(Self { provider, threads, subject })
     }
 }

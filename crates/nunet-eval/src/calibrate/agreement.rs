@@ -52,7 +52,7 @@ impl fmt::Display for Agreement {
         let Self { factor, spread, observations, agreeing } = self;
         let spread =
             if spread.is_finite() { format!("{:.1} %", 100.0 * spread) } else { "unknown".to_owned() };
-        write!(f, "factor {factor:.4}, spread {spread}, {agreeing} of {observations} observations agree")
+        write!(f, "factor {factor:.4}, spread {spread}, agreeing observations: {agreeing} of {observations}")
     }
 }
 

@@ -8,7 +8,7 @@ use nunet_core::frame::FrameError;
 use nunet_core::pipeline::PipelineError;
 use nunet_core::scale::ScaleError;
 use nunet_source::{SourceError, SourceErrorKind};
-use nunet_types::{Hint, ImageSize, PixelRect};
+use nunet_types::{Hint, ImageSize, PixelRect, counted};
 
 use crate::error::{EvalError, EvalErrorKind};
 use crate::far_truth;
@@ -18,7 +18,7 @@ use crate::far_truth;
 #[non_exhaustive]
 pub enum CalibrateError {
     /// Fewer observations than a factor needs.
-    #[error("{got} usable observations, expected at least {needed}")]
+    #[error("{}, expected at least {needed}", counted(*got, "usable observation"))]
     TooFew {
         /// Usable observations.
         got: usize,

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use nunet_core::camera::{Camera, Intrinsics};
+use nunet_types::counted;
 use serde::Deserialize;
 
 use super::table::{by_id, rows};
@@ -38,7 +39,8 @@ pub(super) fn report_missing(cameras: &BTreeMap<String, Camera>, ids: &[String],
     let Some(first) = missing.next().filter(|_| !cameras.is_empty()) else { return };
     let (count, all) = (1 + missing.count(), ids.len());
     on_event(Event::Warning(&format!(
-        "{count} of {all} images have no row in `{FILE}`, such as `{first:.60}`: their camera is unknown"
+        "no row in `{FILE}` for {count} of {}, such as `{first:.60}`: the camera is unknown",
+        counted(all, "image")
     )));
 }
 
@@ -78,7 +80,7 @@ mod tests {
         report_missing(&cameras, &ids, &mut |event| warnings.push(format!("{event:?}")));
         report_missing(&BTreeMap::new(), &ids, &mut |event| warnings.push(format!("{event:?}")));
         report_missing(&cameras, &ids[1..], &mut |event| warnings.push(format!("{event:?}")));
-        let expected = "1 of 2 images have no row in `intrinsics.csv`, such as `a`";
+        let expected = "no row in `intrinsics.csv` for 1 of 2 images, such as `a`";
         assert!(warnings.len() == 1 && warnings[0].contains(expected), "{warnings:?}");
     }
 

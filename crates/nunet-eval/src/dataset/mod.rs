@@ -19,7 +19,7 @@ use nunet_source::{
     BitDepthCheck, CameraFile, DecodedFile, Frame, IMAGE_EXTENSIONS, Rotation, Rotator, SourceError, decode,
     decode_numbers,
 };
-use nunet_types::{ImageSize, PixelRect};
+use nunet_types::{ImageSize, PixelRect, counted};
 use tempfile::TempDir;
 
 use self::depth::{DepthFile, UnitError};
@@ -295,7 +295,8 @@ fn list_known(
         let expected: Vec<_> = endings.iter().map(|ending| format!("`.{ending}`")).collect();
         let (folder, expected) = (folder.display(), expected.join(", "));
         on_event(Event::Warning(&format!(
-            "ignored {others} files in `{folder}` that do not end in {expected}"
+            "ignored {} in `{folder}`: expected names that end in {expected}",
+            counted(others, "file")
         )));
     }
     Ok(ids)

@@ -9,7 +9,7 @@ use nunet_core::preprocess::Preprocessor;
 use nunet_files::{FilesError, write_depth_mm, write_npy};
 use nunet_mcap::{ImageEncoding, Next, RecordedImage, Recording, model_of_results};
 use nunet_source::{Fill, Frame, OpenOptions, RecordingSource, Source as _, from_recording_error};
-use nunet_types::ImageSize;
+use nunet_types::{ImageSize, counted};
 use tempfile::TempDir;
 
 use super::{MAX_APART_MS, MAX_APART_NANOS, refuse_turned};
@@ -218,9 +218,9 @@ impl Images {
         let distance = apart
             .map_or(String::new(), |nanos| format!(", {:.1} ms from the nearest depth", nanos as f64 / 1e6));
         on_event(Event::Warning(&format!(
-            "{} images of `{images}` are skipped: `{depth}` has no depth within {MAX_APART_MS} ms of them; the first one \
-             is at {:.3} s{distance}",
-            self.alone,
+            "skipped {} of `{images}`: `{depth}` has no depth within {MAX_APART_MS} ms; the first one is at {:.3} \
+             s{distance}",
+            counted(self.alone, "image"),
             unix_nanos as f64 / 1e9,
         )));
     }
@@ -284,8 +284,8 @@ mod tests {
         assert!(warnings(&images).is_empty());
         assert_eq!(images.join(1_000_000_000, &times), None);
         assert_eq!(images.join(2_000_000_000, &times), None);
-        let expected = "2 images of `/rgb` are skipped: `/depth` has no depth within 20 ms of them; the first one is at \
-                        1.000 s, 30.0 ms from the nearest depth";
+        let expected = "skipped 2 images of `/rgb`: `/depth` has no depth within 20 ms; the first one is at 1.000 s, \
+                        30.0 ms from the nearest depth";
         assert_eq!(warnings(&images), [expected]);
     }
 

@@ -9,7 +9,7 @@ use std::io;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use nunet_types::{Encoding, Topic};
+use nunet_types::{Encoding, Topic, counted};
 
 use crate::name::CameraName;
 use crate::plan::{Reservation, SHARED_MEMORY_FOLDER, megabytes};
@@ -129,7 +129,8 @@ pub enum IpcError {
     },
     /// There are as many readers as the publisher allows.
     #[error(
-        "topic `{topic}` of camera `{camera}` has no room for another reader: all {limit} places are taken"
+        "topic `{topic}` of camera `{camera}` has no room for another reader: it may have {}",
+        counted(*limit, "reader")
     )]
     TooManyReaders {
         /// The camera.
@@ -140,7 +141,7 @@ pub enum IpcError {
         limit: usize,
     },
     /// As many listeners as the camera's event service has room for.
-    #[error("camera `{camera}` has no room for another listener: all {limit} places are taken")]
+    #[error("camera `{camera}` has no room for another listener: it may have {}", counted(*limit, "listener"))]
     TooManyListeners {
         /// The camera.
         camera: CameraName,
@@ -148,7 +149,7 @@ pub enum IpcError {
         limit: usize,
     },
     /// A reader holds as many frames as it may.
-    #[error("this reader already holds {limit} frames of topic `{topic}`, which is its limit")]
+    #[error("this reader already holds {} of topic `{topic}`, which is its limit", counted(*limit, "frame"))]
     TooManyFramesHeld {
         /// The topic.
         topic: Topic,
@@ -156,7 +157,7 @@ pub enum IpcError {
         limit: usize,
     },
     /// A publisher has as many open loans as it may.
-    #[error("no free chunk of topic `{topic}`: at most {limit} loans may be open at a time")]
+    #[error("no free chunk of topic `{topic}`: at most {} may be open at a time", counted(*limit, "loan"))]
     TooManyLoans {
         /// The topic.
         topic: Topic,

@@ -3,7 +3,7 @@
 use std::error::Error;
 
 use nunet_ipc::{CameraName, IpcError, Topic};
-use nunet_types::{Hint, join_hint, printable, text_with_causes};
+use nunet_types::{Hint, counted, join_hint, printable, text_with_causes};
 use pyo3::exceptions::{PyTimeoutError, PyValueError};
 use pyo3::prelude::*;
 
@@ -16,8 +16,8 @@ pub(super) fn ipc_error(error: IpcError) -> PyErr {
             let array = if topic == Topic::Cloud { "cloud.points" } else { topic.name() };
             hinted::<NunetError>(
                 format!(
-                    "this subscriber's frames and arrays hold {limit} messages of `{topic}`, the most that one \
-                     subscriber may hold"
+                    "this subscriber's frames and arrays hold {} of `{topic}`, the most that one subscriber may hold",
+                    counted(limit, "message")
                 ),
                 format!(
                     "drop a frame and its arrays before you take the next one, and copy what must live longer, \

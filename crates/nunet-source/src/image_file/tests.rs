@@ -145,8 +145,8 @@ fn bytes_before_a_jpeg_are_counted_in_the_error() {
     for before in [&[0; 2][..], &[0; 16], &[0xff]] {
         let mut frame = Frame { file: [before, &whole].concat(), ..Frame::default() };
         let error = decode_file(&mut frame).unwrap_err().to_string();
-        let expected = format!("the file has {} bytes before a JPEG, expected JPEG or PNG", before.len());
-        assert_eq!(error, expected);
+        let bytes = if before.len() == 1 { "1 byte".to_owned() } else { format!("{} bytes", before.len()) };
+        assert_eq!(error, format!("the file has {bytes} before a JPEG, expected JPEG or PNG"));
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use nunet_types::counted;
 use tracing::warn;
 
 /// How often lost images are reported.
@@ -21,7 +22,7 @@ impl Losses {
         let is_due = self.reported.is_none_or(|last| last.elapsed() >= LOSS_PERIOD);
         if self.count > 0 && is_due {
             let hint = "raise net.core.rmem_max, so that whole images fit into the receive buffer";
-            warn!(hint, "{} images on topic `{topic}` were lost on the network", self.count);
+            warn!(hint, "lost on the network: {} on topic `{topic}`", counted(self.count, "image"));
             *self = Self { count: 0, reported: Some(Instant::now()) };
         }
     }

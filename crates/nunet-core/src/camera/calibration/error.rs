@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use nunet_types::{Hint, RegionOutside};
+use nunet_types::{Hint, RegionOutside, counted};
 
 use super::{MAX_BYTES, MAX_IGNORED_SKEW};
 use crate::camera::CameraError;
@@ -40,7 +40,7 @@ pub enum CalibrationError {
         key: String,
     },
     /// The count of numbers is not rows x cols.
-    #[error("`{key}` has {got} values, expected {rows} x {cols}")]
+    #[error("`{key}` has {}, expected {rows} x {cols}", counted(*got, "value"))]
     Shape {
         /// The matrix.
         key: &'static str,
@@ -62,7 +62,7 @@ pub enum CalibrationError {
         value: f64,
     },
     /// Not nine numbers.
-    #[error("`camera_matrix` has {got} values, expected 9")]
+    #[error("`camera_matrix` has {}, expected 9", counted(*got, "value"))]
     CameraMatrixSize {
         /// How many there are.
         got: usize,

@@ -10,7 +10,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fmt;
 
-use nunet_types::{Hint, NO_LABEL};
+use nunet_types::{Hint, NO_LABEL, counted};
 use serde::Deserialize;
 
 use crate::error_kind::ErrorKind;
@@ -228,8 +228,9 @@ pub enum SelfTestMismatch {
     Depth { row: usize, column: usize, got: CellDepth, expected: CellDepth, tolerance: f32 },
     /// More cells than allowed have another label; the first of them.
     #[error(
-        "{cells} cells have another label, at most {allowed} may; the first is (row {row}, column {column}) with {got}, \
-         expected {expected}"
+        "{} with another label, expected at most {allowed}; the first is (row {row}, column {column}) with {got}, expected \
+         {expected}",
+        counted(*cells, "cell")
     )]
     Label { row: usize, column: usize, got: u8, expected: u8, cells: u32, allowed: u32 },
     /// Only one of the graph and the answer has labels.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use nunet_types::ImageSize;
+use nunet_types::{ImageSize, counted};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 
@@ -69,7 +69,8 @@ fn exactly<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(
     deserializer: D,
 ) -> Result<[T; N], D::Error> {
     let values = Vec::deserialize(deserializer)?;
-    let expected = |values: Vec<T>| D::Error::custom(format!("it has {} values, expected {N}", values.len()));
+    let expected =
+        |values: Vec<T>| D::Error::custom(format!("it has {}, expected {N}", counted(values.len(), "value")));
     values.try_into().map_err(expected)
 }
 
