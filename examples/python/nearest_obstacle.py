@@ -4,7 +4,7 @@ Searches a corridor of the robot's own size straight ahead, without the floor. I
 the answer is `unknown`: space that was not seen is not free.
 """
 
-import sys
+import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -52,4 +52,6 @@ def main(image: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("image", type=Path)
+    main(parser.parse_args().image)

@@ -4,7 +4,7 @@ Prints the range of depth and the share of each class, and writes all results in
 NaN where there is no depth), `depth.png` (colors), `cloud.ply` and others.
 """
 
-import sys
+import argparse
 from pathlib import Path
 
 import numpy as np
@@ -30,4 +30,8 @@ def main(image: Path, folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2] if len(sys.argv) > 2 else "."))
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("image", type=Path)
+    parser.add_argument("folder", type=Path, nargs="?", default=Path())
+    arguments = parser.parse_args()
+    main(arguments.image, arguments.folder)

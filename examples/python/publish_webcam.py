@@ -6,6 +6,7 @@ another copy. Needs the package `opencv-python`.
 
 from __future__ import annotations
 
+import argparse
 import sys
 import time
 
@@ -37,12 +38,13 @@ def main(camera: str, device: str, count: int | None) -> None:
 
 
 if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("camera")
+    parser.add_argument("device", nargs="?", default="0")
+    parser.add_argument("frames", type=int, nargs="?")
+    arguments = parser.parse_args()
     try:
-        main(
-            sys.argv[1] if len(sys.argv) > 1 else "camera",
-            sys.argv[2] if len(sys.argv) > 2 else "0",
-            int(sys.argv[3]) if len(sys.argv) > 3 else None,
-        )
+        main(arguments.camera, arguments.device, arguments.frames)
     except nunet.NunetError as error:
         sys.exit(f"publish_webcam: {error}")
     except KeyboardInterrupt:

@@ -3,6 +3,7 @@
 Run `nunetd --source /dev/video0 --camera front --mount 0.1,0,0.25,0,-0.07,0`, then `python stop_before_wall.py front`.
 """
 
+import argparse
 import os
 import sys
 
@@ -23,9 +24,8 @@ def speed(obstacles: nunet.Obstacles) -> float:
     return FULL_SPEED * float(np.clip((free_m - STOP_M) / BRAKE_M, 0.0, 1.0))
 
 
-def main() -> None:
+def main(camera: str) -> None:
     """Print the speed for each frame, and 0 while no frame arrives."""
-    camera = sys.argv[1] if len(sys.argv) > 1 else "camera"
     with nunet.subscribe(camera, topics=["obstacles"], timeout=10.0) as frames:
         while True:
             try:
@@ -35,7 +35,14 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("camera")
+    arguments = parser.parse_args()
     try:
-        main()
+        main(arguments.camera)
+    except (TimeoutError, nunet.NunetError) as error:
+        sys.exit(f"stop_before_wall: {error}")
+    except KeyboardInterrupt:
+        sys.exit(130)
     except BrokenPipeError:  # the pipe was closed, as in `stop_before_wall.py front | head -1`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

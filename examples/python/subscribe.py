@@ -6,6 +6,7 @@ that the network wrote.
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
 
@@ -35,11 +36,12 @@ def main(camera: str, count: int | None) -> None:
 
 
 if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("camera")
+    parser.add_argument("frames", type=int, nargs="?")
+    arguments = parser.parse_args()
     try:
-        main(
-            sys.argv[1] if len(sys.argv) > 1 else "demo",
-            int(sys.argv[2]) if len(sys.argv) > 2 else None,
-        )
+        main(arguments.camera, arguments.frames)
     except (TimeoutError, nunet.NunetError) as error:
         sys.exit(f"subscribe: {error}")
     except KeyboardInterrupt:

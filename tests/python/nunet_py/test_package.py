@@ -162,6 +162,15 @@ def test_an_example_fits_on_a_screen(path):
     assert ast.get_docstring(ast.parse(path.read_text()))
 
 
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.name)
+def test_an_example_without_arguments_prints_its_usage(path, tmp_path):
+    (tmp_path / "cv2.py").write_text("")
+    environment = os.environ | {"PYTHONPATH": str(tmp_path)}
+    command = [sys.executable, path]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=120, env=environment)
+    assert done.returncode == 2 and done.stderr.startswith(f"usage: {path.name} "), done.stderr
+
+
 def run_example(name, *arguments):
     command = [sys.executable, EXAMPLES / name, *map(str, arguments)]
     done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=120)
