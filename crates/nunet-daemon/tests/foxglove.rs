@@ -42,7 +42,8 @@ fn depth_in_foxglove_is_that_of_shared_memory() {
     let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
     let (model, images, name) = (bench.arg("model.onnx"), bench.arg("images"), camera("foxglove"));
     let mut command = nunetd(&["-q", "--model", &model, "--source", &images, "--loop", "--rate", "10"]);
-    command.args(["--camera", &name, "--foxglove", &format!("127.0.0.1:{port}")]);
+    let stats = bench.arg("stats.json");
+    command.args(["--camera", &name, "--foxglove", &format!("127.0.0.1:{port}"), "--stats-json", &stats]);
     let mut daemon = Guarded::start(command);
     let mut reader = Reader::open(&CameraName::new(&name).unwrap(), &[Topic::Depth], TIMEOUT).unwrap();
     wait_for("the server", || std::net::TcpStream::connect(("127.0.0.1", port)).ok());
@@ -75,6 +76,9 @@ fn depth_in_foxglove_is_that_of_shared_memory() {
         compared += 1;
     }
     assert_eq!(daemon.stop(), Some(0));
+    let stats: Value = serde_json::from_slice(&std::fs::read(stats).unwrap()).unwrap();
+    assert!(stats["foxglove"]["sent"].as_u64() > Some(0), "{stats}");
+    assert!(stats.get("ros2").is_none(), "{stats}");
 }
 
 #[test]

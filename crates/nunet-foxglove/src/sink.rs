@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use nunet_sink::results::Results;
 use nunet_sink::sink::{FinishingSink, PublishedFrame, Sink, Status, Wants};
+use nunet_telemetry::MessageCounts;
 
 use crate::parameters::Parameters;
 
@@ -31,6 +32,10 @@ impl Sink for FoxgloveSink {
 
     fn has_room(&mut self) -> bool {
         self.messages.has_room()
+    }
+
+    fn messages(&self) -> Option<(&'static str, MessageCounts)> {
+        self.messages.messages().map(|(_, counts)| ("foxglove", counts))
     }
 
     fn finish(self: Box<Self>, last: Option<&Results<'_>>) -> FinishingSink {

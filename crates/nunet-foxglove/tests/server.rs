@@ -179,6 +179,7 @@ const TOPICS: [&str; 7] = [
 fn a_client_finds_the_channels_of_a_recording_and_receives_the_values_of_a_frame() {
     let server = server();
     let mut sink = camera(&server, "front");
+    assert_eq!(sink.messages().map(|(output, _)| output), Some("foxglove"));
     block_on(async {
         let mut client = Client::connect(server.address(), TOPICS.len()).await;
         assert_eq!(client.channels.keys().map(String::as_str).collect::<Vec<_>>(), TOPICS);

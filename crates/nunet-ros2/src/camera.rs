@@ -128,8 +128,8 @@ impl Sink for Ros2Sink {
         (state.stability, state.is_unstable) = (stability.recent(), stability.is_unstable());
     }
 
-    fn messages(&self) -> Option<MessageCounts> {
-        Some(self.shared.counts.clone())
+    fn messages(&self) -> Option<(&'static str, MessageCounts)> {
+        Some(("ros2", self.shared.counts.clone()))
     }
 
     /// The waiting frame is still sent.

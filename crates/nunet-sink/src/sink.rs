@@ -34,8 +34,8 @@ pub trait Sink: Send {
         true
     }
 
-    /// The counts of its messages, if it sends messages to other machines.
-    fn messages(&self) -> Option<MessageCounts> {
+    /// The counts of its messages, under the name of the output such as `ros2`, if it sends messages to other machines.
+    fn messages(&self) -> Option<(&'static str, MessageCounts)> {
         None
     }
 

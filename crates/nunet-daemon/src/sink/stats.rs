@@ -1,5 +1,7 @@
 //! `stats.json`: counts and latencies of a stream.
 
+use std::collections::BTreeMap;
+
 use nunet_core::depth::{Scale, Units};
 pub(crate) use nunet_engine::ModelName;
 use nunet_telemetry::{Counts, Latencies, LatencyMs, MessageStats, StabilitySummary, Totals};
@@ -40,9 +42,9 @@ pub(crate) struct Stats {
     pub(crate) allocations_per_frame: Option<f64>,
     /// Mean heap allocations of iceoryx2, which makes a small one for each message.
     pub(crate) iceoryx2_allocations_per_frame: Option<f64>,
-    /// The counts of its ROS 2 messages, if it publishes any.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) ros2: Option<MessageStats>,
+    /// The counts of its messages for each output that has any: `ros2`, `foxglove`.
+    #[serde(flatten)]
+    pub(crate) messages: BTreeMap<&'static str, MessageStats>,
     /// Why its source failed, if it did.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) error: Option<String>,
@@ -87,7 +89,7 @@ impl Stats {
             stability: totals.stability.summary(),
             allocations_per_frame: totals.allocations_per_frame(),
             iceoryx2_allocations_per_frame: totals.foreign_allocations_per_frame(),
-            ros2: None,
+            messages: BTreeMap::new(),
             error: None,
             cameras: Vec::new(),
         }

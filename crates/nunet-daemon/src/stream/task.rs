@@ -64,7 +64,7 @@ pub(crate) struct StreamSummary {
     pub(crate) totals: Totals,
     pub(crate) latencies: Latencies,
     /// The counts of messages to other machines.
-    pub(crate) messages: Option<MessageCounts>,
+    pub(crate) messages: Vec<(&'static str, MessageCounts)>,
     /// The sinks, which may still write their last frames.
     pub(crate) sinks: Vec<FinishingSink>,
     /// Why frames could not be processed at all.
@@ -165,7 +165,7 @@ impl RoundRobinTask for StreamTask {
         if let Some(last) = &mut last {
             last.obstacles = self.obstacles.as_ref().and_then(ObstacleStage::last);
         }
-        let messages = self.sinks.iter().find_map(|sink| sink.messages());
+        let messages = self.sinks.iter().filter_map(|sink| sink.messages()).collect();
         let sinks = self.sinks.into_iter().map(|sink| sink.finish(last.as_ref())).collect();
         StreamSummary {
             scale: self.pipeline.scale(),

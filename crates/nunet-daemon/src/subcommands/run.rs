@@ -202,7 +202,8 @@ fn stats(ends: &[CameraEnd<'_>], common: Common<'_>) -> anyhow::Result<Stats> {
         let StreamSummary { scale, view, totals, latencies, messages, .. } = summary;
         let stats = Stats::new((*camera).to_owned(), common, *scale, *counts, totals, latencies);
         let stats = stats.with_view(*view);
-        Stats { ros2: messages.as_ref().map(Into::into), error: error.clone(), ..stats }
+        let messages = messages.iter().map(|(output, counts)| (*output, counts.into())).collect();
+        Stats { messages, error: error.clone(), ..stats }
     };
     let (first, others) = ends.split_first().context("one camera at least")?;
     if others.is_empty() {
@@ -234,7 +235,7 @@ mod tests {
             view: nunet_types::PixelRect::default(),
             totals: Totals::default(),
             latencies: Latencies::new(["queue"]),
-            messages: None,
+            messages: Vec::new(),
             sinks: Vec::new(),
             failure: None,
         };
