@@ -220,6 +220,7 @@ impl Link for DdsLink {
         }))
     }
 
+    /// Without those of participants that are lost: the library lists them for minutes.
     fn published_types(&self, topic: &str) -> Result<Vec<String>, Ros2Error> {
         self.shared.health.check("list publishers")?;
         let name = dds_name(topic);
@@ -232,8 +233,12 @@ impl Link for DdsLink {
         let publications = samples.iter().filter_map(|sample| sample.data.as_ref());
         // By multicast, this participant receives its own announcements too.
         let own: Identifier = self.participant.get_instance_handle().into();
-        let is_own = |writer: Identifier| writer.first_chunk::<12>() == own.first_chunk::<12>();
-        let of_others = publications.filter(|publication| !is_own(publication.key().value));
+        let (peers, now) = (&self.shared.peers, Instant::now());
+        let is_there = |writer: Identifier| {
+            let participant = writer.first_chunk::<12>();
+            participant != own.first_chunk() && participant.is_some_and(|prefix| !peers.is_lost(*prefix, now))
+        };
+        let of_others = publications.filter(|publication| is_there(publication.key().value));
         let named = of_others.filter(|publication| publication.topic_name() == name);
         let types: BTreeSet<_> = named.map(|publication| ros_type(publication.get_type_name())).collect();
         Ok(types.into_iter().collect())
@@ -298,9 +303,10 @@ impl MessagePublisher for TopicPublisher {
 
 #[cfg(test)]
 mod tests {
-    use std::net::{Ipv4Addr, UdpSocket};
+    use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
 
     use super::super::addresses::{MAX_PARTICIPANTS, discovery_port};
+    use super::super::rtps::tests::heartbeat;
     use super::super::sending::MAX_DATAGRAM_BYTES;
     use super::*;
 
@@ -331,6 +337,30 @@ mod tests {
             mirror.send_to(&buffer[..length], from).unwrap();
         }
         assert_eq!(link.published_types(endpoint.topic).unwrap(), Vec::<String>::new());
+    }
+
+    #[test]
+    fn types_of_a_participant_that_is_lost_are_not_listed() {
+        const TO: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::LOCALHOST, 7411);
+        let range = DiscoveryRange::Localhost;
+        let environment = Environment { domain: 85, range, ..Environment::default() };
+        let [ours, theirs] = [(); 2].map(|()| DdsLink::open(&environment).unwrap());
+        let endpoint = Endpoint { topic: "/front/scan", message_type: MessageType::LaserScan };
+        let _publisher =
+            theirs.publisher("talker", &endpoint, Delivery { depth: 1, is_kept: false }).unwrap();
+        let start = Instant::now();
+        while ours.published_types(endpoint.topic).unwrap().is_empty() {
+            assert!(start.elapsed() < TIMEOUT, "the publisher is not found");
+            std::thread::yield_now();
+        }
+        let identifier: Identifier = theirs.participant.get_instance_handle().into();
+        let question = heartbeat(*identifier.first_chunk().unwrap(), [0, 0, 4, 0xc7, 0, 0, 4, 0xc2], 1);
+        while !ours.published_types(endpoint.topic).unwrap().is_empty() {
+            assert!(start.elapsed() < TIMEOUT, "it is listed though it does not answer");
+            // Again, because it is heard in between.
+            let long_ago = Instant::now().checked_sub(Duration::from_secs(10)).unwrap();
+            ours.shared.peers.outgoing(&question, TO, long_ago);
+        }
     }
 
     #[test]
