@@ -159,6 +159,7 @@ fn a_url_of_another_kind_is_named_with_a_way_to_read_it_and_without_its_password
     }
 }
 
+#[cfg(feature = "mcap")]
 #[test]
 fn recordings_of_other_formats_are_named_with_a_conversion() {
     for (name, content, what, hint) in [
