@@ -8,8 +8,7 @@ use nunet_core::camera::{Calibration, Camera};
 use nunet_engine::EngineErrorKind;
 use nunet_ipc::FrameHeader;
 
-use crate::exit;
-use crate::exit::{NotFound, is_usage};
+use crate::exit::{self, is_usage};
 use crate::source::{self, Frame};
 
 /// The text of an error as `nunetd` prints it: one line per cause, then the hints.
@@ -22,9 +21,6 @@ pub fn message(error: &anyhow::Error) -> String {
 /// The kind of an error, which selects Python's exception. The innermost cause that has a kind decides.
 #[must_use]
 pub fn error_kind(error: &anyhow::Error) -> EngineErrorKind {
-    if error.chain().any(|cause| cause.is::<NotFound>()) {
-        return EngineErrorKind::NotFound;
-    }
     let kinds = error.chain().filter_map(EngineErrorKind::of);
     let usage = || is_usage(error).then_some(EngineErrorKind::Argument);
     kinds.last().or_else(usage).unwrap_or(EngineErrorKind::Other)
@@ -83,7 +79,6 @@ mod tests {
         let wrapped = Err::<(), _>(camera).context(BadArguments::new("cannot use the calibration"));
         assert_eq!(error_kind(&wrapped.unwrap_err()), EngineErrorKind::Camera);
         assert_eq!(error_kind(&BadArguments::new("no such camera").into()), EngineErrorKind::Argument);
-        assert_eq!(error_kind(&NotFound("no file `a`".into()).into()), EngineErrorKind::NotFound);
         assert_eq!(error_kind(&anyhow::anyhow!("the disk is full")), EngineErrorKind::Other);
         let missing = std::io::Error::from(std::io::ErrorKind::NotFound);
         let missing = anyhow::Error::from(missing).context("cannot read `a`");

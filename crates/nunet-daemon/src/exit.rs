@@ -66,11 +66,6 @@ impl Hint for BadArguments {
     }
 }
 
-/// A named file, model or camera does not exist: exit code 2, and `FileNotFoundError` in Python.
-#[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-pub(crate) struct NotFound(pub(crate) String);
-
 /// An error of nunetd itself, or the context of a library's error, that may carry a hint.
 ///
 /// Unlike an `anyhow` context, it stays visible in the chain of causes, so that every hint in a chain is found.
@@ -210,7 +205,6 @@ pub(crate) fn from_result(result: anyhow::Result<Outcome>, is_json: bool) -> u8 
 /// Whether the user's arguments are at fault.
 pub(crate) fn is_usage(error: &anyhow::Error) -> bool {
     error.is::<BadArguments>()
-        || error.is::<NotFound>()
         || error.chain().any(|cause| {
             is_one(cause, |error: &WithHint| error.is_usage)
                 || is_one(cause, is_engine_usage)

@@ -2,7 +2,7 @@
 
 use std::ffi::OsString;
 
-use clap::CommandFactory as _;
+use clap::{Command, CommandFactory as _};
 use nunet_types::join_hint;
 
 use super::Cli;
@@ -21,18 +21,13 @@ fn refuse_unknown_subcommand(argument: Option<&OsString>) -> Result<(), clap::Er
     match argument.map(|word| word.to_string_lossy()) {
         Some(word) if !word.starts_with('-') => {
             let mut command = Cli::command();
-            let subcommands: Vec<_> =
-                command.get_subcommands().filter(|subcommand| !subcommand.is_hide_set()).collect();
-            let names: Vec<_> =
-                subcommands.iter().map(|subcommand| subcommand.get_name().to_owned()).collect();
-            let message = format!("`{word}` is not a subcommand of nunetd");
-            let is_path = word.contains(['/', '.', ':']);
-            let hint = if is_path {
+            let hint = if word.contains(['/', '.', ':']) {
                 format!("pass a source as --source {word}")
             } else {
-                format!("one of {}", names.join(", "))
+                let shown = command.get_subcommands().filter(|subcommand| !subcommand.is_hide_set());
+                format!("one of {}", shown.map(Command::get_name).collect::<Vec<_>>().join(", "))
             };
-            let message = join_hint(message, hint);
+            let message = join_hint(format!("`{word}` is not a subcommand of nunetd"), hint);
             Err(command.error(clap::error::ErrorKind::InvalidSubcommand, message))
         }
         _ => Ok(()),

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use nunet_eval::{BaselineChoice, DepthUnits, EvalOptions, ObstacleEval, Protocol, Window};
 
-use super::text::value;
+use super::text::{parsed, value};
 use super::{DEFAULT_MODEL, EngineArgs, FilterArgs, ImageObstacleArgs, LensArgs};
 use crate::config::{MountOption, ProcessingConfig};
 use crate::exit::BadArguments;
@@ -152,17 +152,13 @@ const METERS: [f64; 2] = [1e-9, 1e9];
 /// The most units, of either sign.
 const MAX_UNITS: f64 = 1e6;
 
-pub(super) fn parse_meters(text: &str) -> Result<f64, String> {
+pub(super) fn parse_meters(text: &str) -> Result<f64, BadArguments> {
     let [least, most] = METERS;
-    match text.parse::<f64>() {
-        Ok(meters) if (least..=most).contains(&meters) => Ok(meters),
-        _ => Err(format!("expected meters from {least:e} to {most:e}, such as 0.001, got `{text}`")),
-    }
+    let expected = format!("meters from {least:e} to {most:e}, such as 0.001");
+    parsed(text, &expected, |meters| (METERS[0]..=METERS[1]).contains(meters))
 }
 
-fn parse_units(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(units) if (-MAX_UNITS..=MAX_UNITS).contains(&units) => Ok(units),
-        _ => Err(format!("expected at most {MAX_UNITS:e} units, such as 1, got `{text}`")),
-    }
+fn parse_units(text: &str) -> Result<f64, BadArguments> {
+    let expected = format!("at most {MAX_UNITS:e} units, such as 1");
+    parsed(text, &expected, |units: &f64| units.abs() <= MAX_UNITS)
 }

@@ -107,12 +107,14 @@ impl FromText for AspectMode {
 
 /// The pose of the camera, which a flag needs.
 pub(super) fn mount_for(flag: &str, mount: Option<MountOption>) -> Result<Mount, BadArguments> {
-    let missing = || {
-        BadArguments::new(format!("{flag} needs the pose of the camera on the robot")).with_hint(
-            "pass --mount x,y,z,roll,pitch,yaw, meters and radians; z is the height above the floor",
-        )
-    };
-    mount.ok_or_else(missing)?.pose().map_err(|error| BadArguments::of(&error))
+    let pose = mount.ok_or_else(|| without_mount(&format!("{flag} needs")))?.pose();
+    pose.map_err(|error| BadArguments::of(&error))
+}
+
+/// The error without a mount; `needs` says who needs it.
+pub(super) fn without_mount(needs: &str) -> BadArguments {
+    BadArguments::new(format!("{needs} the pose of the camera on the robot"))
+        .with_hint("pass --mount x,y,z,roll,pitch,yaw, meters and radians; z is the height above the floor")
 }
 
 /// Where the scale of depth comes from.

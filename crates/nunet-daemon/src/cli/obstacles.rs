@@ -8,6 +8,7 @@ use nunet_types::Hint as _;
 use serde::Deserialize;
 use tracing::warn;
 
+use super::lens::without_mount;
 use super::text::{Count, Distance, Seconds, Text, value};
 use crate::config::{MountOption, ObstacleConfig};
 use crate::exit::BadArguments;
@@ -82,7 +83,7 @@ impl ObstacleArgs {
     ) -> Result<Option<ObstacleConfig>, BadArguments> {
         let is_required = is_required || self.is_given();
         let Some(mount) = mount else {
-            return if is_required { Err(without_mount()) } else { Ok(None) };
+            return if is_required { Err(without_mount("obstacles need")) } else { Ok(None) };
         };
         let made = mount.pose().and_then(|mount| {
             let options = self.options(max_range_m);
@@ -120,11 +121,6 @@ impl ObstacleArgs {
             ..default
         }
     }
-}
-
-fn without_mount() -> BadArguments {
-    BadArguments::new("obstacles need the pose of the camera on the robot")
-        .with_hint("pass --mount x,y,z,roll,pitch,yaw, meters and radians; z is the height above the floor")
 }
 
 #[cfg(test)]

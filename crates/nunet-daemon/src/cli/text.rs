@@ -68,9 +68,9 @@ fn plain(error: &impl Display) -> BadArguments {
 }
 
 /// A value that `fits`. The error messages of the standard library name Rust types, so they are replaced.
-fn parsed<T: FromStr>(text: &str, expected: &str, fits: fn(&T) -> bool) -> Result<T, BadArguments> {
+pub(super) fn parsed<T: FromStr>(text: &str, wanted: &str, fits: fn(&T) -> bool) -> Result<T, BadArguments> {
     let value = text.parse().ok().filter(fits);
-    value.ok_or_else(|| BadArguments::new(format!("expected {expected}, got `{text}`")))
+    value.ok_or_else(|| BadArguments::new(format!("expected {wanted}, got `{text}`")))
 }
 
 /// Counts.

@@ -1,7 +1,6 @@
 //! `--foxglove ADDRESS:PORT`: the results as channels of Foxglove.
 
 use nunet_foxglove::{FoxgloveConfig, FoxgloveServer};
-use nunet_ros2::CameraOptions;
 use tracing::info;
 
 use super::{Sink, SinkContext};
@@ -22,20 +21,8 @@ pub(crate) fn open_server(config: FoxgloveConfig, cameras: usize) -> anyhow::Res
 /// Opens the sink if `--foxglove` is given.
 pub(super) fn open(context: &SinkContext<'_>) -> anyhow::Result<Option<Box<dyn Sink>>> {
     let Some(server) = context.foxglove else { return Ok(None) };
-    let config = context.config;
-    let name = config.name.as_str();
-    let counts = context.metrics.map(|metrics| metrics.messages(name, "foxglove")).unwrap_or_default();
-    let sink = server.add_camera(&CameraOptions {
-        name,
-        frame_id: &config.frame_id,
-        classes: context.common.classes,
-        mount: config.mount.map(Into::into),
-        has_labels: context.pipeline.graph().has_labels(),
-        has_confidence: context.pipeline.graph().has_confidence(),
-        has_obstacles: context.has_obstacles,
-        counts: &counts,
-        about: &[],
-    });
+    let counts = context.message_counts("foxglove");
+    let sink = server.add_camera(&context.camera_options(&counts));
     Ok(Some(sink.map_err(|error| WithHint::plain("cannot serve Foxglove").because(error))?))
 }
 

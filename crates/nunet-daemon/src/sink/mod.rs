@@ -20,11 +20,11 @@ use std::path::Path;
 
 use nunet_core::pipeline::Pipeline;
 use nunet_foxglove::FoxgloveServer;
-use nunet_ros2::Ros2Node;
+use nunet_ros2::{CameraOptions, Ros2Node};
 pub(crate) use nunet_sink::queue::OnRoom;
 pub(crate) use nunet_sink::results::Results;
 pub(crate) use nunet_sink::sink::{FinishingSink, PublishedFrame, Sink, Status, Timings, Wants};
-use nunet_telemetry::Metrics;
+use nunet_telemetry::{MessageCounts, Metrics};
 use nunet_view::ViewServer;
 
 use self::stats::Common;
@@ -64,6 +64,29 @@ pub(crate) struct SinkContext<'a> {
     pub(crate) view: Option<&'a ViewServer>,
     /// To be called when a sink that had no room has room again.
     pub(crate) on_room: OnRoom,
+}
+
+impl SinkContext<'_> {
+    /// The counts of the messages of an output.
+    fn message_counts(&self, output: &'static str) -> MessageCounts {
+        self.metrics.map(|metrics| metrics.messages(self.config.name.as_str(), output)).unwrap_or_default()
+    }
+
+    /// The camera of an output that sends messages.
+    fn camera_options<'a>(&'a self, counts: &'a MessageCounts) -> CameraOptions<'a> {
+        let (config, graph) = (self.config, self.pipeline.graph());
+        CameraOptions {
+            name: config.name.as_str(),
+            frame_id: &config.frame_id,
+            classes: self.common.classes,
+            mount: config.mount.map(Into::into),
+            has_labels: graph.has_labels(),
+            has_confidence: graph.has_confidence(),
+            has_obstacles: self.has_obstacles,
+            counts,
+            about: &[],
+        }
+    }
 }
 
 /// Opens all configured sinks.

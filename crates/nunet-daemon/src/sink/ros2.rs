@@ -21,8 +21,7 @@ pub(crate) fn open_node(options: &Ros2Options) -> anyhow::Result<Option<Ros2Node
 pub(super) fn open(context: &SinkContext<'_>) -> anyhow::Result<Option<Box<dyn Sink>>> {
     let Some(node) = context.ros2 else { return Ok(None) };
     let (config, common) = (context.config, context.common);
-    let name = config.name.as_str();
-    let counts = context.metrics.map(|metrics| metrics.messages(name, "ros2")).unwrap_or_default();
+    let counts = context.message_counts("ros2");
     let about = [
         ("model", common.model.name.clone()),
         ("model SHA-256", common.model.hash.clone()),
@@ -33,18 +32,9 @@ pub(super) fn open(context: &SinkContext<'_>) -> anyhow::Result<Option<Box<dyn S
     // The robot that publishes the images publishes the transform of their frame, too.
     let has_own_frame = config.is_frame_id_chosen || !config.source.name.properties().is_ros2;
     let mount = config.mount.filter(|_| has_own_frame).map(Into::into);
-    let sink = node.add_camera(&CameraOptions {
-        name,
-        frame_id: &config.frame_id,
-        classes: common.classes,
-        mount,
-        has_labels: context.pipeline.graph().has_labels(),
-        has_confidence: context.pipeline.graph().has_confidence(),
-        has_obstacles: context.has_obstacles,
-        counts: &counts,
-        about: &about,
-    });
+    let options = CameraOptions { mount, about: &about, ..context.camera_options(&counts) };
+    let sink = node.add_camera(&options);
     let in_camera =
-        |error| WithHint::plain(format!("cannot publish camera `{name}` in ROS 2")).because(error);
+        |error| WithHint::plain(format!("cannot publish camera `{}` in ROS 2", config.name)).because(error);
     Ok(Some(sink.map_err(in_camera)?))
 }
