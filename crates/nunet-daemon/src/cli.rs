@@ -95,8 +95,8 @@ impl Cli {
             // clap keeps the text for the life of the process.
             command = command.long_version(&*crate::version::long().leak());
         }
-        let matches =
-            command.try_get_matches_from_mut(arguments).map_err(usage_error::with_tip_about_globs)?;
+        let matches = command.try_get_matches_from_mut(&arguments);
+        let matches = matches.map_err(|error| usage_error::with_fitting_tip(error, &command, &arguments))?;
         let mut cli = Self::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
         settings::complete(&mut cli, &mut command, &matches)?;
         Ok(cli)

@@ -207,7 +207,9 @@ pub(crate) fn is_usage(error: &anyhow::Error) -> bool {
     error.is::<BadArguments>()
         || error.chain().any(|cause| {
             is_one(cause, |error: &WithHint| error.is_usage)
-                || is_one(cause, is_engine_usage)
+                || is_one(cause, |error: &EngineError| {
+                    matches!(error.kind(), EngineErrorKind::NotFound | EngineErrorKind::Argument)
+                })
                 || is_one(cause, |error: &EvalError| error.kind() == EvalErrorKind::Argument)
                 || is_one(cause, |error: &CalibrateError| error.kind() == EvalErrorKind::Argument)
                 || is_one(cause, |error: &SourceError| error.kind() == SourceErrorKind::BadArguments)
@@ -220,11 +222,6 @@ pub(crate) fn is_usage(error: &anyhow::Error) -> bool {
 
 fn is_one<E: StdError + 'static>(cause: &DynError, is_usage: fn(&E) -> bool) -> bool {
     cause.downcast_ref().is_some_and(is_usage)
-}
-
-/// A model that does not exist, or an option out of its range.
-fn is_engine_usage(error: &EngineError) -> bool {
-    matches!(error.kind(), EngineErrorKind::NotFound | EngineErrorKind::Argument)
 }
 
 /// `nunetd watch front --json | head -1` is a success. A pipe that is an output file is not: its reader has lost results.

@@ -4,6 +4,7 @@ use std::ffi::OsString;
 use std::io::Write as _;
 use std::path::Path;
 
+use clap::Command;
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use nunet_types::{printable, split_hint};
@@ -12,11 +13,30 @@ use crate::config::LogOptions;
 use crate::{Outcome, exit, logging};
 use nunet_sink::stdout::StdoutError;
 
-/// Adds a tip if an unexpected argument is a file: the shell may have put its name in place of a glob.
-pub(super) fn with_tip_about_globs(mut error: clap::Error) -> clap::Error {
-    let word = error.get(ContextKind::InvalidArg).map(ToString::to_string);
-    if error.kind() == ErrorKind::UnknownArgument && word.is_some_and(|word| Path::new(&word).exists()) {
-        let tip = "quote a glob, as in 'images/*.jpg'; `run` takes its source by --source";
+/// The lowest similarity at which a flag is suggested. At clap's own, `--exposure` is suggested for `--source`.
+const LEAST_LIKENESS: f64 = 0.88;
+
+/// Replaces clap's tip for an unexpected argument. The shell may have put the name of a file in place of a glob, the subcommand
+/// may take the argument without a flag, and what clap suggests may be another flag altogether.
+pub(super) fn with_fitting_tip(mut error: clap::Error, command: &Command, line: &[OsString]) -> clap::Error {
+    let subcommand = line.iter().find_map(|name| command.find_subcommand(name)).cloned();
+    let (ErrorKind::UnknownArgument, Some(mut subcommand)) = (error.kind(), subcommand) else { return error };
+    let word = error.get(ContextKind::InvalidArg).map(ToString::to_string).unwrap_or_default();
+    let name = word.strip_prefix("--").unwrap_or_default();
+    let is_like = |known: &str| strsim::jaro_winkler(known, name) >= LEAST_LIKENESS;
+    let tip = if Path::new(&word).exists() {
+        Some("quote a glob, as in 'images/*.jpg'; `run` takes its source by --source".to_owned())
+    } else {
+        let own = subcommand.get_positionals().find(|argument| is_like(argument.get_id().as_str()));
+        own.map(|argument| format!("`{}` takes {argument} without a flag", subcommand.get_name()))
+    };
+    let is_far = |flag: &ContextValue| !is_like(flag.to_string().trim_start_matches("--"));
+    if tip.is_some() || error.get(ContextKind::SuggestedArg).is_some_and(is_far) {
+        error.remove(ContextKind::SuggestedArg);
+        // clap's usage has the flag that it suggests.
+        error.insert(ContextKind::Usage, ContextValue::StyledStr(subcommand.render_usage()));
+    }
+    if let Some(tip) = tip {
         error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
     }
     error
@@ -92,6 +112,28 @@ mod tests {
         let error = super::super::Cli::parse_line(arguments.clone()).unwrap_err();
         let text = plain_text(&error, &arguments);
         assert!(text.contains("--a\u{fffd}\\u001b[31m\\nhint: b"), "{text}");
+    }
+
+    #[test]
+    fn a_tip_fits_the_argument_or_there_is_none() {
+        let message = |line: &str| {
+            let arguments = line.split(' ').map(OsString::from);
+            super::super::Cli::parse_line(arguments).unwrap_err().to_string()
+        };
+        for (line, tip) in [
+            ("nunetd watch --camera front", "`watch` takes <CAMERA> without a flag"),
+            ("nunetd feed --source demo", "`feed` takes <SOURCE> without a flag"),
+            ("nunetd infer --image a.png", "`infer` takes <IMAGE|DIR|GLOB>... without a flag"),
+            ("nunetd run --sorce demo", "a similar argument exists: '--source'"),
+            ("nunetd --output files", "a similar argument exists: '--out'"),
+        ] {
+            assert!(message(line).contains(&format!("tip: {tip}\n")), "{line}: {}", message(line));
+        }
+        for line in ["nunetd run --video 0", "nunetd feed demo --name front", "nunetd inspect a --stream b"] {
+            let text = message(line);
+            assert!(!text.contains("similar") && text.contains("[OPTIONS]"), "{line}: {text}");
+        }
+        assert!(!message("nunetd feed --source demo").contains("exposure"));
     }
 
     #[test]
