@@ -82,6 +82,13 @@ fn a_camera_that_does_not_fit_ends_run_and_feed_at_the_first_frame() {
     }
 }
 
+#[test]
+fn the_contract_has_one_format_which_must_be_asked_for() {
+    let (code, error) = error_of(&["contract"]);
+    assert_eq!(code, Some(2), "{error}");
+    assert!(error.contains("\nhint: pass --json"), "{error}");
+}
+
 /// Subcommands that print results, and what stops without a model or a camera.
 fn printing(model: &str) -> Vec<Vec<&str>> {
     vec![

@@ -88,7 +88,7 @@ pub struct DoctorArgs {
 #[derive(Debug, Args, Clone)]
 pub struct ContractArgs {
     /// Print JSON (the only format)
-    #[arg(long, required = true)]
+    #[arg(long)]
     pub json: bool,
 }
 

@@ -25,7 +25,7 @@ pub(crate) fn dispatch(subcommand: SubcommandArgs) -> anyhow::Result<Outcome> {
         SubcommandArgs::Doctor(arguments) => {
             doctor::doctor(&arguments.model, arguments.engine.options(), arguments.json)
         }
-        SubcommandArgs::Contract(_) => contract::contract(),
+        SubcommandArgs::Contract(arguments) => contract::contract(arguments.json),
         SubcommandArgs::Bench(arguments) => bench::bench(&arguments.options()),
         SubcommandArgs::Tune(arguments) => tune::tune(&arguments.options()),
         SubcommandArgs::Replay(arguments) => replay::replay(&arguments.options()?),

@@ -1,14 +1,17 @@
 //! `nunetd contract --json`: the shared-memory contract, printed from the code.
 
+use anyhow::ensure;
 use nunet_core::model::METADATA_KEYS;
 use nunet_ipc::contract::{self, StructLayout};
 use serde_json::{Map, Value, json};
 
 use crate::Outcome;
+use crate::exit::BadArguments;
 use nunet_sink::stdout::print;
 
-/// Prints the contract as one JSON object.
-pub(crate) fn contract() -> anyhow::Result<Outcome> {
+/// Prints the contract as one JSON object. JSON must be requested, because a text may be the default later.
+pub(crate) fn contract(json: bool) -> anyhow::Result<Outcome> {
+    ensure!(json, BadArguments::new("the contract is printed as JSON only").with_hint("pass --json"));
     print(format_args!("{:#}", contract_json()))?;
     Ok(Outcome::Done)
 }
