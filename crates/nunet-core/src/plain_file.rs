@@ -5,7 +5,7 @@ use std::io::{self, ErrorKind, Read as _, Take};
 use std::path::Path;
 
 /// How some editors begin a text in UTF-8. Most parsers refuse it.
-const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+const BYTE_ORDER_MARK: char = '\u{feff}';
 
 /// Opens a regular file for reading its first `most` bytes; `None` for a folder, a pipe, a socket or a device, which is not
 /// opened.
@@ -25,14 +25,20 @@ pub fn open(path: &Path, most: u64) -> io::Result<Option<Take<File>>> {
 /// # Errors
 /// As [`File::open`]; not a regular file, longer, or not UTF-8.
 pub fn read_text(path: &Path, most: u64) -> io::Result<String> {
+    let text = read_marked_text(path, most)?;
+    Ok(text.strip_prefix(BYTE_ORDER_MARK).map(str::to_owned).unwrap_or(text))
+}
+
+/// As [`read_text`], with the byte order mark, for a text that is written again.
+///
+/// # Errors
+/// As [`read_text`].
+pub fn read_marked_text(path: &Path, most: u64) -> io::Result<String> {
     let irregular = || io::Error::new(ErrorKind::InvalidInput, "it is not a regular file");
     let mut bytes = Vec::new();
     let length = open(path, most.saturating_add(1))?.ok_or_else(irregular)?.read_to_end(&mut bytes)?;
     if length as u64 > most {
         return Err(io::Error::new(ErrorKind::InvalidData, format!("it is longer than {most} bytes")));
-    }
-    if bytes.starts_with(BYTE_ORDER_MARK) {
-        bytes.drain(..BYTE_ORDER_MARK.len());
     }
     String::from_utf8(bytes).map_err(|_| io::Error::new(ErrorKind::InvalidData, "it is not UTF-8 text"))
 }
@@ -66,6 +72,7 @@ mod tests {
         {
             std::fs::write(&path, written).unwrap();
             assert_eq!(read_text(&path, 6).unwrap(), read);
+            assert_eq!(read_marked_text(&path, 6).unwrap(), written);
         }
     }
 

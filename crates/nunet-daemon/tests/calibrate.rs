@@ -323,8 +323,8 @@ fn a_calibration_of_opencv_stays_one() {
     let (bench, depth_m) = bench_with_images();
     let (images, file, distance) =
         (bench.arg("images"), bench.arg("cv.yaml"), (FACTOR * depth_m).to_string());
-    let before = "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   \
-                  cols: 3\n   dt: d\n   data: [ 500., 0., 319.5, 0., 500., 239.5, 0., 0., 1. ]\n\
+    let before = "\u{feff}%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n   \
+                  rows: 3\n   cols: 3\n   dt: d\n   data: [ 500., 0., 319.5, 0., 500., 239.5, 0., 0., 1. ]\n\
                   distortion_coefficients: !!opencv-matrix\n   rows: 5\n   cols: 1\n   dt: d\n   data: [ 0., 0., 0., \
                   0., 0. ]\n";
     std::fs::write(&file, format!("{before}...\n")).unwrap();

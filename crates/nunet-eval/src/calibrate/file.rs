@@ -31,9 +31,8 @@ impl Calibrator {
         model: (&str, &str),
     ) -> Result<(), CalibrateError> {
         let text = match (named, self.camera()) {
-            (Some(path), _) => {
-                plain_file::read_text(path, Calibration::MAX_BYTES as u64).map_err(EvalError::read(path))?
-            }
+            (Some(path), _) => plain_file::read_marked_text(path, Calibration::MAX_BYTES as u64)
+                .map_err(EvalError::read(path))?,
             (None, Some(camera)) => Calibration::file_of(&self.stored_camera(camera)?),
             (None, None) => return Err(CalibrateError::NoIntrinsics { factor: found.factor }),
         };
