@@ -255,6 +255,19 @@ fn infer_does_not_remember_the_obstacles_of_another_image() {
 }
 
 #[test]
+fn a_mount_in_degrees_is_warned_of_at_the_start_whether_or_not_obstacles_are_computed() {
+    let bench = Bench::new();
+    let model = bench.arg("model.onnx");
+    // Below the floor, where obstacles are off.
+    for (mount, is_odd) in [("0,0,1,0,0,5", true), ("0,0,-1,0,2,0", true), ("0,0,-1,0,1.5,-3.14", false)] {
+        let output = run(nunetd(&["config", "--source", "demo", "--model", &model, "--mount", mount]));
+        let log = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(0), "{log}");
+        assert_eq!(log.matches("radians: 90 degrees").count(), usize::from(is_odd), "{mount}: {log}");
+    }
+}
+
+#[test]
 fn obstacles_without_a_place_or_with_an_impossible_one_are_refused_with_a_hint() {
     let bench = Bench::new();
     let (model, out, image) = (bench.arg("model.onnx"), bench.arg("out"), bench.arg("room.png"));

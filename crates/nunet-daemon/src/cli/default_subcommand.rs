@@ -18,20 +18,17 @@ pub(super) fn insert(arguments: &mut Vec<OsString>) -> Result<(), clap::Error> {
 
 /// `run` takes flags only, so a bare word in its place is a subcommand that does not exist.
 fn refuse_unknown_subcommand(argument: Option<&OsString>) -> Result<(), clap::Error> {
-    match argument.map(|word| word.to_string_lossy()) {
-        Some(word) if !word.starts_with('-') => {
-            let mut command = Cli::command();
-            let hint = if word.contains(['/', '.', ':']) {
-                format!("pass a source as --source {word}")
-            } else {
-                let shown = command.get_subcommands().filter(|subcommand| !subcommand.is_hide_set());
-                format!("one of {}", shown.map(Command::get_name).collect::<Vec<_>>().join(", "))
-            };
-            let message = join_hint(format!("`{word}` is not a subcommand of nunetd"), hint);
-            Err(command.error(clap::error::ErrorKind::InvalidSubcommand, message))
-        }
-        _ => Ok(()),
-    }
+    let word = argument.map(|word| word.to_string_lossy());
+    let Some(word) = word.filter(|word| !word.starts_with('-')) else { return Ok(()) };
+    let mut command = Cli::command();
+    let hint = if word.contains(['/', '.', ':']) {
+        format!("pass a source as --source {word}")
+    } else {
+        let shown = command.get_subcommands().filter(|subcommand| !subcommand.is_hide_set());
+        format!("one of {}", shown.map(Command::get_name).collect::<Vec<_>>().join(", "))
+    };
+    let message = join_hint(format!("`{word}` is not a subcommand of nunetd"), hint);
+    Err(command.error(clap::error::ErrorKind::InvalidSubcommand, message))
 }
 
 /// Where `run` is to be put in; `None` if a subcommand, help or the version is given.
