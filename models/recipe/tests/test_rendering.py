@@ -254,6 +254,19 @@ def test_exposure_that_adapts_slowly_is_between_its_images():
 
 
 @NEEDS_BLENDER
+def test_a_monitor_has_a_screen_of_the_size_and_height_that_are_asked_for():
+    # Needs Blender as soon as they are imported.
+    from nunet_models.rendering import clutter, scene, shapes  # noqa: PLC0415
+
+    scene.clear()
+    clutter.monitor(shapes.Maker(Random(1)), 0.62, 0.4, lift=0.15)
+    *_, screen = shapes.bpy.data.objects
+    corners = np.array([screen.matrix_world @ vertex.co for vertex in screen.data.vertices])
+    assert np.ptp(corners, axis=0) == pytest.approx([0.6, 0.003, 0.4], abs=1e-4)
+    assert corners[:, 2].min() == pytest.approx(0.172, abs=1e-4)
+
+
+@NEEDS_BLENDER
 def test_an_unknown_kind_of_room_is_a_bad_argument(tmp_path, capsys):
     arguments = ["--rooms", "1", "--out", str(tmp_path / "out"), "--kinds", "office,castle"]
     assert main(["render", *arguments]) == 2

@@ -175,15 +175,23 @@ def floor_lamp(maker: Maker, watts: float) -> None:
     shell.bulb(maker, (0, 0, 1.68), watts)
 
 
-def monitor(maker: Maker, width: float = 0.56) -> None:
-    """A computer's screen that is switched off."""
+def monitor(
+    maker: Maker,
+    width: float = 0.56,
+    tall: float = 0.301,
+    *,
+    lift: float = 0.1,
+    color: materials.Color = (0.015, 0.015, 0.016),
+    shown: bpy.types.Material | None = None,
+) -> None:
+    """A monitor on a foot, its screen (`tall`) toward -y; it is off if nothing is `shown`."""
     maker = maker.of("tv")
-    black, gray = materials.paint((0.015, 0.015, 0.016), 0.4), materials.metal((0.4, 0.4, 0.42))
+    case, gray = materials.paint(color, 0.4), materials.metal((0.4, 0.4, 0.42))
     maker.box((0.22, 0.18, 0.012), (0, 0.02, 0), gray)
-    maker.box((0.05, 0.03, 0.3), (0, 0.05, 0.01), gray)
-    maker.box((width, 0.03, width * 0.6), (0, 0.02, 0.1), black, bevel=0.005)
-    inner = (width - 0.02, 0.003, width * 0.6 - 0.035)
-    maker.box(inner, (0, 0.0045, 0.122), images.screen(), bevel=0.001)
+    maker.box((0.05, 0.03, min(0.3, lift + 0.9 * tall)), (0, 0.05, 0.01), gray)
+    maker.box((width, 0.03, tall + 0.035), (0, 0.02, lift), case, bevel=0.005)
+    inner = (width - 0.02, 0.003, tall)
+    maker.box(inner, (0, 0.0045, lift + 0.022), shown or images.screen(), bevel=0.001)
 
 
 def keyboard(maker: Maker) -> None:

@@ -67,20 +67,16 @@ def _screens(f: Furnisher, top: Maker, width: float, depth: float) -> None:
         if rise:
             board = materials.wood(f.tone, "x")
             stand.at(0, 0, -rise).of("furniture").box((0.5, 0.24, rise), (0, 0, 0), board)
-        monitor(stand, size, shown if random.random() < 0.75 else images.screen())
+        _monitor(stand, size, shown)
 
 
-def monitor(maker: Maker, width: float, shown: bpy.types.Material | None) -> None:
-    """A monitor on a foot, its screen toward -y, of any height."""
+def _monitor(maker: Maker, width: float, shown: bpy.types.Material | None) -> None:
+    """A monitor of any height and color; three of four show what is `shown`."""
     random = maker.random
-    maker = maker.of("tv")
-    black = materials.paint(random.choice((BLACK, BLACK, (0.25, 0.25, 0.26), WHITE)), 0.4)
+    shown = shown if random.random() < 0.75 else None
+    color = random.choice((BLACK, BLACK, (0.25, 0.25, 0.26), WHITE))
     lift, tall = random.uniform(0.06, 0.16), width * random.choice((0.5625, 0.6, 0.42))
-    maker.box((0.24, 0.19, 0.012), (0, 0.02, 0), black)
-    maker.box((0.05, 0.03, lift + tall / 2), (0, 0.05, 0.01), black)
-    maker.box((width, 0.03, tall + 0.03), (0, 0.02, lift), black, bevel=0.004)
-    inner = (width - 0.02, 0.003, tall)
-    maker.box(inner, (0, 0.0045, lift + 0.017), shown or images.screen(), bevel=0)
+    clutter.monitor(maker, width, tall, lift=lift, color=color, shown=shown)
 
 
 def _in_front(f: Furnisher, top: Maker, depth: float) -> None:
