@@ -1,6 +1,7 @@
 """What `render` does without Blender: options, cameras, places, the dataset's folder."""
 
 import csv
+import errno
 import importlib.util
 import multiprocessing
 import subprocess
@@ -13,6 +14,7 @@ from PIL import Image
 
 from nunet_models.cli import main
 from nunet_models.errors import DataError
+from nunet_models.rendering import command
 from nunet_models.rendering import folder as folder_module
 from nunet_models.rendering.floorplan import FloorPlan, Rectangle
 from nunet_models.rendering.folder import (
@@ -80,6 +82,19 @@ def test_an_output_folder_is_required_and_may_not_be_a_file(capsys, tmp_path):
     (tmp_path / "file").write_text("")
     assert main(["render", "--drive", "--out", str(tmp_path / "file")]) == 2
     assert "is a file, expected a folder" in capsys.readouterr().err
+
+
+def test_rendering_alone_prints_errors_as_every_subcommand_does(monkeypatch, capsys, tmp_path):
+    def missing(options):
+        raise FileNotFoundError(errno.ENOENT, "No such file or directory", "photo.jpg")
+
+    monkeypatch.setattr(command, "validate", missing)
+    arguments = ["--drive", "--out", str(tmp_path)]
+    printed = []
+    for run in (lambda: command.main(arguments), lambda: main(["render", *arguments])):
+        assert run() == 1
+        printed.append(capsys.readouterr().err)
+    assert printed == ["nunet_models: `photo.jpg`: no such file or directory\n"] * 2
 
 
 def test_the_command_line_does_not_import_blender():

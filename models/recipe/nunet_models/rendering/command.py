@@ -13,11 +13,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
-from nunet_models.errors import ConfigError, OptionError, RecipeError, with_hint
+from nunet_models.errors import ConfigError, OptionError
+from nunet_models.program import EXIT_FAILURE, run_program
 
-EXIT_FAILURE = 1
-EXIT_USAGE = 2
-EXIT_INTERRUPTED = 130
 MAX_ROOMS = 100_000
 """Rooms are numbered with five digits."""
 
@@ -160,13 +158,4 @@ def main(arguments: list[str] | None = None) -> int:
     """Run `render` alone and return the exit code."""
     parser = argparse.ArgumentParser(prog="nunet_models render", description=__doc__)
     add_options(parser)
-    options = parser.parse_args(arguments)
-    try:
-        return options.carry_out(options)
-    except (RecipeError, OSError) as error:
-        print(
-            f"nunet_models: {with_hint(str(error), getattr(error, 'hint', None))}", file=sys.stderr
-        )
-        return EXIT_USAGE if isinstance(error, OptionError) else EXIT_FAILURE
-    except KeyboardInterrupt:
-        return EXIT_INTERRUPTED
+    return run_program(parser, arguments)
