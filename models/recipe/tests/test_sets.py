@@ -1,4 +1,6 @@
 import json
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +16,7 @@ from nunet_models.errors import ConfigError, DataError
 from nunet_models.export.onnx_file import read_metadata
 
 ROOM = 'name = "a"\nroot = "a"\n'
+RECIPE = Path(__file__).parents[1]
 
 
 @pytest.fixture
@@ -203,10 +206,31 @@ def test_the_csv_of_the_documentation_is_the_one_that_is_read():
     assert ",".join(COLUMNS) == HEADER
 
 
+def shipped_list(name):
+    return read_dataset_list(RECIPE / "lists" / name)
+
+
 def test_the_list_of_the_shipped_model_names_the_sets_in_its_metadata():
-    recipe = Path(__file__).parents[1]
-    entries = read_dataset_list(recipe / "wnet_c_sets.toml")
-    training = json.loads(read_metadata(recipe.parent / "wnet_c.onnx")["nunet.training"])
+    entries = shipped_list("wnet_c_sets.toml")
+    training = json.loads(read_metadata(RECIPE.parent / "wnet_c.onnx")["nunet.training"])
     trained = {entry["set"] for entry in training["depth"]["data"]["train_sets"]}
     assert {entry.name for entry in entries if entry.use == "train"} == trained
     assert len(trained) == 8
+
+
+def test_the_list_of_the_shipped_labels_has_the_sets_of_the_other_one_that_have_labels():
+    every = {(e.use, e.name): e for e in shipped_list("wnet_c_sets.toml")}
+    entries = shipped_list("labels.toml")
+    for entry in entries:
+        other = every[entry.use, entry.name]
+        same = {"file": other.file, "line": other.line, "weight": other.weight}
+        assert replace(entry, **same) == other
+    trained = {entry.name: entry.weight for entry in entries if entry.use == "train"}
+    assert trained == {"nyu": 2, "rendered1": 0.9}
+
+
+@pytest.mark.parametrize("name", ["wnet_c_sets.toml", "labels.toml"])
+def test_a_shipped_list_can_be_copied_to_its_data(name, tmp_path):
+    entries = read_dataset_list(Path(shutil.copy(RECIPE / "lists" / name, tmp_path)))
+    for path in [entry.root for entry in entries] + [e.ids for e in entries if e.ids]:
+        assert path.is_relative_to(tmp_path) and ".." not in path.parts
