@@ -4,6 +4,7 @@ import argparse
 
 from nunet_models.data import command as nyu_lists_command
 from nunet_models.evaluation import command as evaluate_command
+from nunet_models.experiments import command as experiment_command
 from nunet_models.export import annotate as annotate_command
 from nunet_models.export import command as export_command
 from nunet_models.program import run_program
@@ -19,6 +20,7 @@ SUBPARSERS = (
     export_command,
     annotate_command,
     report_command,
+    experiment_command,
     nyu_lists_command,
     render_command,
 )

@@ -1,11 +1,13 @@
 """The zoo: shapes, wiring and the paper's parameter counts."""
 
 import json
+from pathlib import Path
 
 import pytest
 import torch
 
 from nunet_models.errors import ConfigError, with_hint
+from nunet_models.experiments.plan import read_plan
 from nunet_models.export.collections import TINY_ARCHITECTURES, tiny_spec
 from nunet_models.export.metadata import describe_components
 from nunet_models.zoo import PAPER_DECODER, GraphSpec, SerialGraph, graph_spec
@@ -56,7 +58,8 @@ def test_each_pool_of_the_recurrent_network_is_followed_by_dropout_as_in_the_pap
 
 
 def test_the_single_u_net_of_the_controls_is_as_large_as_w_net_connected():
-    wide = decoder_channels("440,176,64,32,16")
+    plan = read_plan(Path(__file__).parents[1] / "lists" / "size.toml")
+    wide = decoder_channels(plan.networks["wide"][-1])
     single = graph_spec("unet", decoder=wide, inner_size=(120, 160))
     double = graph_spec("wnet_c", inner_size=(120, 160))
     found = [describe_components(SerialGraph(spec).eval()) for spec in (single, double)]

@@ -103,9 +103,14 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
             )
 
 
+def settings_of(options: argparse.Namespace) -> Settings:
+    """The settings among the options; `OptionError` for an invalid one."""
+    return Settings(**{s.name: getattr(options, s.name) for s in fields(Settings)})
+
+
 def run(options: argparse.Namespace) -> int:
     """Carry out `train`."""
-    settings = Settings(**{s.name: getattr(options, s.name) for s in fields(Settings)})
+    settings = settings_of(options)
     if options.minutes is not None and not options.minutes > 0.0:
         raise OptionError(
             f"`--minutes {options.minutes}`; expected more than 0", hint="no limit without it"

@@ -1,0 +1,1 @@
+"""Several networks trained, measured and compared by one plan."""

@@ -1,0 +1,130 @@
+"""One network of an experiment: trained, exported and measured by the subcommands themselves."""
+
+import argparse
+import contextlib
+import io
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+
+from nunet_models.errors import OptionError
+from nunet_models.evaluation import command as evaluate_command
+from nunet_models.export import command as export_command
+from nunet_models.reporting import command as report_command
+from nunet_models.training import command as train_command
+from nunet_models.training.trainer import Trainer
+from nunet_models.zoo.checkpoint import Checkpoint
+
+DATA_OPTIONS = ("data", "class_map", "depth_scale", "depth_offset", "window")
+_SUBCOMMANDS = (train_command, export_command, evaluate_command, report_command)
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser whose errors do not end the program."""
+
+    def error(self, message: str) -> NoReturn:
+        raise OptionError(message)
+
+
+def parse(*arguments: object) -> argparse.Namespace:
+    """The options of a subcommand.
+
+    # Errors
+    `OptionError` for options that it does not have.
+    """
+    parser = _Parser(prog="nunet_models")
+    subparsers = parser.add_subparsers(required=True)
+    for command in _SUBCOMMANDS:
+        command.add_parser(subparsers)
+    return parser.parse_args([str(argument) for argument in arguments])
+
+
+def carry_out(*arguments: object) -> str:
+    """Carry out a subcommand; what it printed."""
+    options = parse(*arguments)
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        options.carry_out(options)
+    return printed.getvalue()
+
+
+@dataclass(frozen=True)
+class Network:
+    """A run of `train` with `arguments`, whose files in `folder` begin with `name`."""
+
+    folder: Path
+    name: str
+    arguments: tuple[str, ...]
+
+    @property
+    def best(self) -> Path:
+        """Its checkpoint."""
+        return self.folder / self.name / Trainer.BEST
+
+    def file(self, suffix: str) -> Path:
+        """Its file with this suffix: `onnx`, `csv` (a row per image) or `json`."""
+        return self.folder / f"{self.name}.{suffix}"
+
+    def check(self) -> None:
+        """Refuse options that `train` would refuse, before the experiment begins."""
+        try:
+            train_command.settings_of(parse(*self._train()))
+        except OptionError as error:
+            raise OptionError(f"`{self.name}`: {error}", hint=error.hint) from error
+
+    def train(self) -> None:
+        """Train to the end, from where an earlier call was interrupted.
+
+        # Errors
+        Those of `train`, also where the run in the folder was started with other options.
+        """
+        carry_out(*self._train())
+
+    def _train(self) -> tuple[object, ...]:
+        return "train", "--run", self.folder / self.name, "--resume", "--quiet", *self.arguments
+
+    def is_measured(self, protocol: str) -> bool:
+        """Whether its result is that of its present weights under this protocol."""
+        result = self.file("json")
+        if not result.is_file() or result.stat().st_mtime < self.best.stat().st_mtime:
+            return False
+        return json.loads(result.read_text(encoding="utf-8"))["protocol"] == protocol
+
+    def measure(self, options: argparse.Namespace, *, with_baseline: bool) -> None:
+        """Write its model file, its result and a row per image."""
+        license_text = ("--license", options.license) if options.license else ()
+        random = [word for name in self._untrained() for word in ("--random", name)]
+        model = self.file("onnx")
+        carry_out("export", "--checkpoint", self.best, "--out", model, *random, *license_text)
+        baseline = ("--baseline-ids", options.train_ids) if with_baseline else ()
+        result = carry_out(
+            *("evaluate", "--model", model, *data_arguments(options), "--ids", options.val_ids),
+            *("--protocol", options.protocol, "--threads", options.threads, *baseline),
+            *("--csv", self.file("csv")),
+        )
+        partial = self.file("partial")
+        partial.write_text(result, encoding="utf-8")
+        partial.replace(self.file("json"))
+
+    def _untrained(self) -> list[str]:
+        """Its components that keep their random weights, for a control."""
+        checkpoint, found = Checkpoint.load(self.best), []
+        while (name := checkpoint.untrained_component(besides=found)) is not None:
+            found.append(name)
+        return found
+
+
+def data_arguments(options: argparse.Namespace) -> list[str]:
+    """The data options as they were given."""
+    found = []
+    for name in DATA_OPTIONS:
+        value = getattr(options, name)
+        if value is not None:
+            found += [f"--{name.replace('_', '-')}", str(value)]
+    return found
+
+
+def say(text: str) -> None:
+    """Print progress to stderr; stdout is for the report."""
+    print(f"nunet_models: {text}", file=sys.stderr, flush=True)
