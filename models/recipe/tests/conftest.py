@@ -21,6 +21,11 @@ def one_thread():
     torch.set_num_threads(1)
 
 
+@pytest.fixture
+def every_step_logged(monkeypatch):
+    monkeypatch.setattr("nunet_models.training.trainer.LOG_EVERY", 1)
+
+
 def write_dataset(root: Path, *, count: int = COUNT, size: tuple[int, int] = SIZE) -> list[str]:
     """Images whose brightness tells the depth: 16-bit millimeters, labels by thirds."""
     for name in ("rgb", "depth", "label40"):

@@ -1,14 +1,11 @@
 """Output files that cannot be written are refused before the work."""
 
-from pathlib import Path
-
 import pytest
+from runs import TINY
 
 from nunet_models.cli import main
 from nunet_models.errors import ConfigError
 from nunet_models.files import check_output_file, check_output_folder
-
-TINY = Path(__file__).parents[2] / "tiny" / "tiny_wnet_c.onnx"
 
 
 @pytest.fixture

@@ -7,6 +7,7 @@ from unittest.mock import ANY
 import numpy as np
 import pytest
 from PIL import Image
+from runs import TINY
 
 from nunet_models.cli import main
 from nunet_models.errors import DataError
@@ -14,7 +15,6 @@ from nunet_models.reporting.figures import NetworkDepth, comparable_panels, evol
 from nunet_models.reporting.table import metric_table, paper_table, read_evaluation
 from nunet_models.training.log import RunLog
 
-TINY = Path(__file__).parents[2] / "tiny" / "tiny_wnet_c.onnx"
 EVALUATION = {
     "model": "wnet_c.onnx",
     "architecture": "wnet_c",

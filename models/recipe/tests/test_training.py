@@ -1,9 +1,6 @@
-"""Training of tiny networks: it learns, stops in time, and resumes to the same losses."""
+"""Training of tiny networks: it learns, and refuses what no training can use."""
 
-import hashlib
-import json
 import shutil
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,11 +9,9 @@ from PIL import Image
 from runs import rows, train
 
 from nunet_models.classes import IGNORE
-from nunet_models.cli import main
 from nunet_models.data.cache import Cached
 from nunet_models.errors import ConfigError
 from nunet_models.export.collections import tiny_spec
-from nunet_models.export.onnx_file import read_metadata
 from nunet_models.training.ema import Averaged
 from nunet_models.training.schedule import learning_rate_factor
 from nunet_models.training.trainer import Trainer
@@ -26,10 +21,7 @@ from nunet_models.zoo.backbones import build_unet, check_drop_path
 from nunet_models.zoo.checkpoint import Checkpoint
 from nunet_models.zoo.spec import LITE_DECODER
 
-
-@pytest.fixture(autouse=True)
-def every_step_logged(monkeypatch):
-    monkeypatch.setattr("nunet_models.training.trainer.LOG_EVERY", 1)
+pytestmark = pytest.mark.usefixtures("every_step_logged")
 
 
 def test_a_run_leaves_logs_checkpoints_and_tensorboard(dataset, tmp_path):
@@ -55,35 +47,6 @@ def test_a_image_to_show_that_is_none_is_named(dataset, tmp_path, capsys):
     assert f"`{dataset / 'val.txt'}` cannot be read as an image" in capsys.readouterr().err
 
 
-def test_a_stopped_run_resumes_to_the_same_losses(dataset, tmp_path):
-    whole, halved = tmp_path / "whole", tmp_path / "halved"
-    noise = ("--dropout", "0.3", "--no-bf16")
-    assert train(dataset, whole, *noise) == 0
-    assert train(dataset, halved, "--minutes", "1e-9", *noise) == 0  # one step, then the budget
-    while len(rows(halved, "steps.csv")) < 4:
-        assert train(dataset, halved, "--minutes", "1e-9", "--resume", *noise) == 0
-    losses = [[row["loss"] for row in rows(run, "steps.csv")] for run in (whole, halved)]
-    assert losses[0] == losses[1]
-    train(dataset, halved, "--resume", *noise)
-    one, other = (Checkpoint.load(run / "last.pt").weights for run in (whole, halved))
-    assert all(torch.equal(one[name], other[name]) for name in one)
-
-
-@pytest.mark.parametrize(("every", "steps"), [(4, ["4"]), (3, ["3", "4"]), (20, ["4"])])
-def test_rows_of_several_steps_are_the_same_after_any_stop(
-    dataset, tmp_path, monkeypatch, every, steps
-):
-    monkeypatch.setattr("nunet_models.training.trainer.LOG_EVERY", every)
-    whole, halved = tmp_path / "whole", tmp_path / "halved"
-    how = ("--batch", "1", "--workers", "0", "--architecture", "wnet")
-    assert train(dataset, whole, *how, epochs=1) == 0
-    for _ in range(4):
-        assert train(dataset, halved, "--minutes", "1e-9", "--resume", *how, epochs=1) == 0
-    assert train(dataset, halved, "--resume", *how, epochs=1) == 0
-    assert [row["step"] for row in rows(halved, "steps.csv")] == steps
-    assert rows(halved, "steps.csv") == rows(whole, "steps.csv")
-
-
 def test_depth_trains_behind_a_frozen_segmentation(dataset, tmp_path):
     first, second = tmp_path / "first", tmp_path / "second"
     assert train(dataset, first, epochs=1) == 0
@@ -96,12 +59,6 @@ def test_depth_trains_behind_a_frozen_segmentation(dataset, tmp_path):
             assert torch.equal(before[name], after[name]), name
     metrics = rows(second, "epochs.csv")
     assert float(metrics[-1]["rmse"]) < float(metrics[0]["rmse"])
-
-
-def test_a_run_is_not_overwritten_without_resume(dataset, tmp_path, capsys):
-    (tmp_path / "last.pt").touch()
-    assert train(dataset, tmp_path) == 1
-    assert "hint: `--resume`" in capsys.readouterr().err
 
 
 def test_lists_that_share_ids_are_refused_with_some_of_them(dataset, tmp_path, capsys):
@@ -241,18 +198,6 @@ def test_truth_that_no_crop_shows_is_said_to_be_so():
         validate(graph, data, component=0, batch=1, bf16=False, workers=0)
 
 
-def test_the_best_epoch_is_on_disk_before_the_run_goes_past_it(dataset, tmp_path, monkeypatch):
-    saved = []
-
-    def save(self, path, whole=Checkpoint.save):
-        saved.append(path.name)
-        whole(self, path)
-
-    monkeypatch.setattr(Checkpoint, "save", save)
-    assert train(dataset, tmp_path, epochs=1) == 0
-    assert saved == ["best.pt", "last.pt"]
-
-
 @pytest.mark.parametrize("backbone", ["tiny", "resnet18", "dla34"])
 def test_drop_path_is_refused_where_it_would_do_nothing(dataset, tmp_path, capsys, backbone):
     options = ("--backbone", backbone, "--drop-path", "0.1", "--architecture", "unet", "--resume")
@@ -270,70 +215,6 @@ def test_drop_path_is_taken_where_a_backbone_knows_it():
         drop_path=0.1,
     )
     assert any(type(module).__name__ == "DropPath" for module in unet.modules())
-
-
-def test_a_run_that_had_a_drop_path_to_no_effect_is_resumed(dataset, tmp_path):
-    assert train(dataset, tmp_path, "--minutes", "1e-9", epochs=1) == 0
-    checkpoint = Checkpoint.load(tmp_path / "last.pt")
-    first, second = checkpoint.spec.components
-    had = (first.changed(drop_path=0.1), second)
-    replace(checkpoint, spec=replace(checkpoint.spec, components=had)).save(tmp_path / "last.pt")
-    assert train(dataset, tmp_path, "--resume", "--drop-path", "0.1", epochs=1) == 0
-
-
-def test_a_damaged_checkpoint_is_refused_by_name(tmp_path, dataset, capsys):
-    (tmp_path / "last.pt").write_bytes(b"no checkpoint")
-    assert train(dataset, tmp_path, "--resume") == 1
-    stderr = capsys.readouterr().err
-    assert (
-        "last.pt` is not a checkpoint of this package, or damaged; hint: `train` writes" in stderr
-    )
-    assert "weights_only" not in stderr and "torch" not in stderr
-
-
-def test_a_run_of_another_graph_is_not_resumed(dataset, tmp_path, capsys):
-    assert train(dataset, tmp_path, epochs=1) == 0
-    assert train(dataset, tmp_path, "--resume", "--architecture", "wnet", epochs=2) == 1
-    assert "trains another graph" in capsys.readouterr().err
-
-
-def test_a_run_resumed_with_other_options_lists_each_of_them(dataset, tmp_path, capsys):
-    assert train(dataset, tmp_path, "--minutes", "1e-9", "--lr", "0.002") == 0
-    other = ("--lr", "0.001", "--no-bf16", "--loss", "mse", "--threads", "1", "--workers", "0")
-    assert train(dataset, tmp_path, "--resume", *other, epochs=3) == 1
-    stderr = capsys.readouterr().err
-    assert "`--lr 0.002`, given `--lr 0.001`; `--loss l1_log=1,silog=0.5,gradient=0.5`, " in stderr
-    assert "; `--bf16`, given `--no-bf16`; hint: " in stderr
-    assert f"`--start {tmp_path / 'best.pt'}`" in stderr
-    assert not any(word in stderr for word in ("workers", "epochs", "threads"))
-
-
-def test_a_run_is_not_resumed_on_other_images(dataset, tmp_path, capsys):
-    assert train(dataset, tmp_path, epochs=1) == 0
-    (dataset / "val.txt").write_text("0005\n0004\n")
-    assert train(dataset, tmp_path, "--resume", epochs=1) == 1
-    stderr = capsys.readouterr().err
-    assert "another list than that of `--val-ids`" in stderr and "train-ids" not in stderr
-
-
-def test_a_run_may_be_resumed_for_more_epochs_and_validate_more_rarely(dataset, tmp_path):
-    assert train(dataset, tmp_path, epochs=1) == 0
-    assert train(dataset, tmp_path, "--resume", "--validate-every", "2", epochs=3) == 0
-    assert [row["epoch"] for row in rows(tmp_path, "epochs.csv")] == ["1", "2", "3"]
-    assert Checkpoint.load(tmp_path / "last.pt").settings["segmentation"]["epochs"] == 3
-
-
-def test_a_checkpoint_of_an_earlier_version_is_resumed(dataset, tmp_path):
-    assert train(dataset, tmp_path, "--minutes", "1e-9", epochs=1) == 0
-    checkpoint = Checkpoint.load(tmp_path / "last.pt")
-    for name in ("losses", "trains"):
-        del checkpoint.progress[name]
-    checkpoint.progress["ids"] = {"--train-ids": "ab" * 32, "--val-ids": "cd" * 32}
-    for name in ("workers", "validate_every", "joint_noise"):
-        del checkpoint.settings["segmentation"][name]
-    checkpoint.save(tmp_path / "last.pt")
-    assert train(dataset, tmp_path, "--resume", epochs=1) == 0
-    assert len(rows(tmp_path, "epochs.csv")) == 1
 
 
 def test_an_average_follows_its_module_slowly():
@@ -387,119 +268,6 @@ def test_a_frozen_component_keeps_its_batch_norm_statistics():
     assert all(torch.equal(before[k], after[k]) for k in before)
 
 
-def test_a_trained_run_becomes_a_file_that_says_how_it_was_trained(dataset, tmp_path, capsys):
-    run, model = tmp_path / "run", tmp_path / "model.onnx"
-    accuracy = tmp_path / "accuracy.json"
-    accuracy.write_text('{"metrics": {"rmse": 0.6}}', encoding="utf-8-sig")
-    assert train(dataset, run, "--architecture", "unet", component="depth", epochs=1) == 0
-    export = ["export", "--checkpoint", str(run / "best.pt"), "--accuracy", str(accuracy)]
-    whole = accuracy.read_text()
-    for text, word in ((whole[:-1], "is not JSON: "), ("[]", "is not a JSON object")):
-        accuracy.write_text(text)
-        assert main([*export, "--out", str(model)]) == 1
-        assert f"`{accuracy}` {word}" in capsys.readouterr().err and not model.exists()
-    accuracy.write_text(whole)
-    assert main([*export, "--out", str(model)]) == 0
-    values = read_metadata(model)
-    assert values["nunet.trained"] == "true"
-    training = json.loads(values["nunet.training"])["depth"]
-    assert training["epochs_done"] == 1
-    ids = "0000\n0001\n0002\n0003\n"
-    assert training["data"]["train"] == {
-        "pictures": 4,
-        "ids_sha256": hashlib.sha256(ids.encode()).hexdigest(),
-    }
-    assert (training["data"]["name"], training["data"]["depth_scale"]) == ("rooms", 0.001)
-    assert (training["dropout"], training["origin"]) == (0.0, {})
-    assert json.loads(values["nunet.accuracy"]) == {"metrics": {"rmse": 0.6}}
-
-
-def test_a_graph_with_an_untrained_component_is_not_exported_as_trained(dataset, tmp_path, capsys):
-    run, model = tmp_path / "run", tmp_path / "model.onnx"
-    assert train(dataset, run, epochs=1) == 0
-    assert main(["export", "--checkpoint", str(run / "best.pt"), "--out", str(model)]) == 1
-    stderr = capsys.readouterr().err
-    assert "component `depth` of" in stderr and "is untrained, its weights are random" in stderr
-    assert f"hint: `train --component depth --start {run / 'best.pt'}`" in stderr
-    assert not model.exists()
-
-
-def test_a_run_without_a_validated_epoch_is_not_exported(dataset, tmp_path, capsys):
-    run, model = tmp_path / "run", tmp_path / "model.onnx"
-    unet = ("--architecture", "unet", "--minutes", "1e-9")
-    assert train(dataset, run, *unet, component="depth") == 0
-    assert main(["export", "--checkpoint", str(run / "last.pt"), "--out", str(model)]) == 1
-    assert "component `depth` of" in (stderr := capsys.readouterr().err)
-    assert "has no validated epoch yet; hint: continue with `--resume`" in stderr
-
-
-def test_what_learned_along_with_a_later_component_counts_as_trained():
-    spec = tiny_spec("wnet_c")
-    history = {"depth": [{"epoch": 1}]}
-    alone = Checkpoint(spec, {}, history=history, settings={"depth": {"unfrozen": False}})
-    along = Checkpoint(spec, {}, history=history, settings={"depth": {"unfrozen": True}})
-    assert alone.untrained_component() == "segmentation"
-    assert along.untrained_component() is None
-
-
-def test_the_paper_s_stretched_target_trains_and_is_measured_on_its_own_scale(dataset, tmp_path):
-    paper = ("--encoding", "minmax", "--loss", "mse", "--ema", "0", "--schedule", "constant")
-    options = ("--architecture", "unet", "--optimizer", "adam", *paper)
-    assert train(dataset, tmp_path, *options, component="depth", epochs=1) == 0
-    assert 0.0 < float(rows(tmp_path, "epochs.csv")[0]["rmse"]) < 1.0
-
-
-def test_the_paper_s_own_w_net_trains_as_a_whole_and_is_exported(dataset, tmp_path, capsys):
-    """One channel, its sigmoid kept, crosses the joint; the loss of the second U-Net alone."""
-    run, model = tmp_path / "run", tmp_path / "model.onnx"
-    paper = ("--tasks", "depth,depth", "--sigmoid-joint", "depth1", "--encoding", "minmax")
-    options = ("--architecture", "wnet", *paper, "--loss", "mse", "--unfrozen")
-    assert train(dataset, run, *options, component="depth", epochs=1) == 0
-    spec = Checkpoint.load(run / "best.pt").spec
-    assert [(c.name, c.task, c.sigmoid_joint) for c in spec.components] == [
-        ("depth1", "depth", True),
-        ("depth", "depth", False),
-    ]
-    assert main(["export", "--checkpoint", str(run / "best.pt"), "--out", str(model)]) == 0
-    values = read_metadata(model)
-    assert values["nunet.trained"] == "true" and "nunet.classes" not in values
-    onward = ("--start", str(run / "best.pt"), "--sigmoid-joint", "depth1")
-    assert train(dataset, tmp_path / "on", *onward, component="depth") == 1
-    assert "`--start` takes tasks and sigmoids from its checkpoint" in capsys.readouterr().err
-
-
-def test_a_trained_component_is_plugged_into_another_graph(dataset, tmp_path, capsys):
-    seg, depth = tmp_path / "seg", tmp_path / "depth"
-    assert train(dataset, seg, "--architecture", "wnet", epochs=1) == 0
-    plug = ("--architecture", "wnet_c", "--plug", f"segmentation={seg / 'best.pt'}")
-    assert train(dataset, depth, *plug, component="depth", epochs=1) == 0
-    theirs, ours = (Checkpoint.load(run / "best.pt") for run in (seg, depth))
-    one, other = (c.component_weights("segmentation") for c in (theirs, ours))
-    assert all(torch.equal(one[name], other[name]) for name in one)
-    assert ours.history["segmentation"] == theirs.history["segmentation"]
-    assert ours.provenance["segmentation"] == theirs.provenance["segmentation"]
-    plugged = ours.provenance["depth"]["origin"]["plug"]["segmentation"]
-    digest = hashlib.sha256((seg / "best.pt").read_bytes()).hexdigest()
-    assert plugged == {"file": "best.pt", "sha256": digest}
-    wrong = ("--architecture", "wnet_c", "--plug", f"depth={seg / 'best.pt'}")
-    assert train(dataset, tmp_path / "wrong", *wrong, component="depth", epochs=1) == 1
-    assert "do not fit component `depth`" in capsys.readouterr().err
-
-
-def test_unfrozen_components_learn_along_and_resume_to_the_same_weights(dataset, tmp_path):
-    whole, halved = tmp_path / "whole", tmp_path / "halved"
-    options = ("--unfrozen", "--no-bf16")
-    assert train(dataset, whole, *options, component="depth", epochs=1) == 0
-    assert train(dataset, halved, "--minutes", "1e-9", *options, component="depth", epochs=1) == 0
-    assert train(dataset, halved, "--resume", *options, component="depth", epochs=1) == 0
-    one, other = (Checkpoint.load(run / "last.pt") for run in (whole, halved))
-    assert all(torch.equal(one.weights[name], other.weights[name]) for name in one.weights)
-    torch.manual_seed(0)
-    start = SerialGraph(one.spec).state_dict()
-    name = "components.0.unet.segmentation_head.0.weight"
-    assert not torch.equal(start[name], one.weights[name])
-
-
 def test_labels_train_an_earlier_component_beside_depth(dataset, tmp_path, capsys):
     plain, labeled, still = (tmp_path / name for name in ("plain", "labeled", "still"))
     depth = {"component": "depth", "epochs": 1}
@@ -515,92 +283,3 @@ def test_labels_train_an_earlier_component_beside_depth(dataset, tmp_path, capsy
     unet = ("--architecture", "unet", *options)
     assert train(dataset, still, *unet, "--label-loss", "0.5", **depth) == 1
     assert "no component before `depth` segments" in capsys.readouterr().err
-
-
-def test_a_checkpoint_that_knows_no_provenance_still_loads_resumes_and_exports(dataset, tmp_path):
-    run, model = tmp_path / "run", tmp_path / "model.onnx"
-    unet = ("--architecture", "unet")
-    assert train(dataset, run, *unet, component="depth", epochs=1) == 0
-    for name in ("last.pt", "best.pt"):
-        values = torch.load(run / name, weights_only=True)
-        del values["provenance"]
-        torch.save(values, run / name)
-    assert main(["export", "--checkpoint", str(run / "best.pt"), "--out", str(model)]) == 0
-    assert "data" not in json.loads(read_metadata(model)["nunet.training"])["depth"]
-    assert train(dataset, run, *unet, "--resume", component="depth", epochs=2) == 0
-    assert Checkpoint.load(run / "last.pt").provenance == {}
-
-
-def test_a_network_of_another_camera_says_so_and_whose_images_they_are(dataset, tmp_path, capsys):
-    run, onward, model = tmp_path / "run", tmp_path / "onward", tmp_path / "model.onnx"
-    camera = ("--intrinsics", "600,601.5,320,240@640x480")
-    assert train(dataset, run, "--architecture", "unet", *camera, component="depth", epochs=1) == 0
-    export = ["export", "--checkpoint", str(run / "best.pt"), "--out", str(model)]
-    assert main(export) == 1
-    assert "hint: `--license TEXT` names the license of the images" in capsys.readouterr().err
-    assert main([*export, "--license", "CC0, our own images"]) == 0
-    values = read_metadata(model)
-    known = {"width": 640, "height": 480, "fx": 600.0, "fy": 601.5}
-    assert json.loads(values["nunet.camera"]) == known
-    assert values["nunet.license"] == "CC0, our own images"
-    best = str(run / "best.pt")
-    for more, fx in (((), 600.0), (("--intrinsics", "300,300,160,120@320x240"), 300.0)):
-        shutil.rmtree(onward, ignore_errors=True)
-        assert train(dataset, onward, "--start", best, *more, component="depth", epochs=1) == 0
-        assert Checkpoint.load(onward / "best.pt").spec.camera.fx == fx
-
-
-def test_defaults_of_camera_and_license_are_printed(dataset, tmp_path, capsys):
-    run, model = tmp_path / "run", tmp_path / "model.onnx"
-    unet = ("--architecture", "unet")
-    camera = "assumed NYU Depth V2's camera, fx 518.858 pixels at 640x480"
-    assert train(dataset, run, *unet, component="depth", epochs=1) == 0
-    assert capsys.readouterr().err.count(camera) == 1
-    known = (
-        (run, ("--resume", *unet)),
-        (tmp_path / "on", ("--start", str(run / "best.pt"))),
-        (tmp_path / "own", ("--intrinsics", "60,60,64,48@128x96", *unet)),
-        (tmp_path / "paper", ("--encoding", "minmax", "--loss", "mse", *unet)),
-    )
-    for folder, options in known:
-        assert train(dataset, folder, *options, component="depth", epochs=1) == 0
-        assert "camera" not in capsys.readouterr().err
-    export = ["export", "--checkpoint", str(run / "best.pt"), "--out", str(model)]
-    assert main(export) == 0
-    license = read_metadata(model)["nunet.license"]
-    assert f"the license is `{license}`; hint: `--license TEXT`" in capsys.readouterr().err
-    assert main([*export, "--license", "CC0"]) == 0
-    assert "license" not in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("text", "code", "word"),
-    [
-        ("600,600,320,240", 2, "expected fx,fy,cx,cy@WxH in pixels; hint: NYU's are"),
-        ("0,600,320,240@640x480", 2, "expected fx,fy,cx,cy@WxH in pixels"),
-        ("600,600,320,180@640x360", 1, "of 640x360; the training images are 128x96; hint:"),
-    ],
-)
-def test_intrinsics_that_cannot_be_are_refused(dataset, tmp_path, capsys, text, code, word):
-    assert train(dataset, tmp_path, "--intrinsics", text, epochs=1) == code
-    assert word in capsys.readouterr().err
-    assert not (tmp_path / "last.pt").exists()
-
-
-def test_weights_to_go_on_from_are_half_the_size_and_nearly_the_same(dataset, tmp_path):
-    run, halved = tmp_path / "run", tmp_path / "weights.pt"
-    assert train(dataset, run, "--architecture", "wnet_c", epochs=1) == 0
-    best = run / "best.pt"
-    assert main(["export", "--checkpoint", str(best), "--out", str(halved)]) == 0
-    assert halved.stat().st_size < 0.6 * best.stat().st_size
-    whole, small = Checkpoint.load(best).graph(), Checkpoint.load(halved).graph()
-    for name, tensor in whole.state_dict().items():
-        torch.testing.assert_close(small.state_dict()[name], tensor, rtol=1e-3, atol=1e-6)
-    onward = ("--start", str(halved))
-    assert train(dataset, tmp_path / "on", *onward, component="depth", epochs=1) == 0
-
-
-def test_validation_may_be_rarer_and_the_last_epoch_is_always_validated(dataset, tmp_path):
-    options = ("--architecture", "unet", "--validate-every", "2")
-    assert train(dataset, tmp_path, *options, component="depth", epochs=3) == 0
-    assert [row["epoch"] for row in rows(tmp_path, "epochs.csv")] == ["2", "3"]
