@@ -211,11 +211,11 @@ def shipped_list(name):
 
 
 def test_the_list_of_the_shipped_model_names_the_sets_in_its_metadata():
-    entries = shipped_list("wnet_c_sets.toml")
+    entries = shipped_list("near_sets.toml")
     training = json.loads(read_metadata(RECIPE.parent / "wnet_c.onnx")["nunet.training"])
     trained = {entry["set"] for entry in training["depth"]["data"]["train_sets"]}
     assert {entry.name for entry in entries if entry.use == "train"} == trained
-    assert len(trained) == 8
+    assert len(trained) == 11
 
 
 def test_the_list_of_the_shipped_labels_has_the_sets_of_the_other_one_that_have_labels():
@@ -229,7 +229,7 @@ def test_the_list_of_the_shipped_labels_has_the_sets_of_the_other_one_that_have_
     assert trained == {"nyu": 2, "rendered1": 0.9}
 
 
-@pytest.mark.parametrize("name", ["wnet_c_sets.toml", "labels.toml"])
+@pytest.mark.parametrize("name", ["wnet_c_sets.toml", "near_sets.toml", "labels.toml"])
 def test_a_shipped_list_can_be_copied_to_its_data(name, tmp_path):
     entries = read_dataset_list(Path(shutil.copy(RECIPE / "lists" / name, tmp_path)))
     for path in [entry.root for entry in entries] + [e.ids for e in entries if e.ids]:
