@@ -8,7 +8,7 @@ use nunet_types::ImageSize;
 /// rooms of `models/clip` with `wnet_c.onnx`, relative to the inside: 0.56, 0.66, 0.85 at the three leftmost
 /// columns, 0.85, 0.87, 0.92 at the top, 0.80, 0.86, 0.97 at the bottom, and 0.97 or more from the fourth
 /// pixel on. `unet.onnx` and the float network are the same within 0.03. These are the weights of 2026-11-22;
-/// `wnet_c.onnx` of 2026-11-30 has 0.89, 0.91, 0.93 at the left and 0.81, 0.83, 0.88 at the bottom.
+/// the first `wnet_c.onnx` of 2026-11-30 has 0.89, 0.91, 0.93 at the left and 0.81, 0.83, 0.88 at the bottom.
 const BORDER_PX: usize = 3;
 
 /// The smallest image side at which the ring is replaced. Smaller networks were not measured.
