@@ -1,7 +1,7 @@
 """What clients of the live view cost: their frames per second, nunetd's processor time, and its latency.
 
-Needs only Python, and `NUNETD` naming a release build: `python benches/view_clients.py [ROUNDS]`. Each round runs
-nunetd without clients, with one that receives 640x480, and with a second one that never reads.
+Needs only Python, and `NUNETD` naming a release build: `python benches/view_clients.py [MODEL] [ROUNDS]`. Each
+round runs nunetd without clients, with one that receives 640x480, and with a second one that never reads.
 """
 
 import base64
@@ -18,7 +18,6 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-MODEL = "models/tiny/tiny_wnet_c.onnx"
 RATE_HZ = 15
 FRAMES = 300
 TIMEOUT_S = 60.0
@@ -79,13 +78,13 @@ def port_of(log: Path, process: subprocess.Popen) -> int:
     sys.exit(log.read_text())
 
 
-def run(reading: int, stalled: int) -> dict[str, float]:
+def run(model: str, reading: int, stalled: int) -> dict[str, float]:
     """One run of nunetd with this number of clients."""
     with tempfile.TemporaryDirectory() as folder:
         stats, log = Path(folder) / "stats.json", Path(folder) / "log"
         command = [
             os.environ["NUNETD"], "run", "--source", str(ROOT / "models/clip/rgb"), "--loop", "--rate", str(RATE_HZ),
-            "--frames", str(FRAMES), "--camera", "bench", "--model", str(ROOT / MODEL),
+            "--frames", str(FRAMES), "--camera", "bench", "--model", model,
             "--view", "127.0.0.1:0", "--stats-json", str(stats),
         ]  # fmt: skip
         with log.open("w") as stderr:
@@ -107,12 +106,12 @@ def run(reading: int, stalled: int) -> dict[str, float]:
     }
 
 
-def main(rounds: int) -> None:
+def main(model: str, rounds: int) -> None:
     """Interleaves the cases, and prints the medians of their rounds."""
     results = {name: [] for name in CLIENTS}
     for _ in range(rounds):
         for name, clients in CLIENTS.items():
-            results[name].append(run(*clients))
+            results[name].append(run(model, *clients))
     print("median of rounds | frames | per s at client | CPU ms per frame | p50 ms | p99 ms")
     for name, runs in results.items():
         of = {key: statistics.median(run[key] for run in runs) for key in runs[0]}
@@ -122,4 +121,4 @@ def main(rounds: int) -> None:
         )
 
 
-main(int(sys.argv[1]) if len(sys.argv) > 1 else 3)
+main(sys.argv[1] if len(sys.argv) > 1 else "wnet_c", int(sys.argv[2]) if len(sys.argv) > 2 else 3)
