@@ -243,7 +243,8 @@ def test_two_files_of_one_image_are_named(dataset):
     Image.open(image).save(image.with_suffix(".jpg"))
     with pytest.raises(DataError) as raised:
         FolderPairs(dataset, ["0003"], units=DepthUnits())
-    assert str(raised.value).startswith(f"`{image.with_suffix('.jpg')}` and `{image}` are two files")
+    other = image.with_suffix(".jpg")
+    assert str(raised.value).startswith(f"`{other}` and `{image}` are two files")
 
 
 def test_a_list_may_have_a_mark_of_its_order_and_ids_with_spaces(tmp_path):
