@@ -28,7 +28,8 @@ pub struct Report {
     units: &'static str,
     scale_source: &'static str,
     filters: Vec<String>,
-    pictures: u64,
+    #[serde(rename = "pictures")]
+    images: u64,
     skipped: u64,
     pixels: u64,
     pixels_without_prediction: u64,
@@ -119,7 +120,7 @@ impl Report {
             units: pipeline.scale().units.name(),
             scale_source: what.scale_source,
             filters: pipeline.filters().specs().map(|filter| filter.to_string()).collect(),
-            pictures: what.images,
+            images: what.images,
             skipped: what.skipped,
             pixels: comparison.compared().pixels,
             pixels_without_prediction: comparison.compared().missing,
@@ -181,11 +182,11 @@ impl Report {
     }
 
     fn header(&self) -> String {
-        let Self { model, architecture, dataset, pictures, skipped, protocol, scale_source, .. } = self;
+        let Self { model, architecture, dataset, images, skipped, protocol, scale_source, .. } = self;
         let title = format!(
             "{} ({architecture}) on {dataset}: {}, {skipped} skipped, protocol {protocol}, scale {scale_source}",
             model.name,
-            counted(*pictures, "image")
+            counted(*images, "image")
         );
         format!("{}\n{:<15}{:>9}{:>12}\n", printable::one_line(&title), "", "network", "mean image")
     }
