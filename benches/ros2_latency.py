@@ -31,7 +31,7 @@ OWN_STAGES = {
 }  # fmt: skip
 
 
-def exchange(frames: int) -> list[float]:
+def exchange(frames: int, nunetd: subprocess.Popen) -> list[float]:
     """Seconds from the start of each publication to the arrival of its depth."""
     rclpy.init()
     node = rclpy.create_node("bench")
@@ -50,6 +50,7 @@ def exchange(frames: int) -> list[float]:
     message = Image(width=width, height=height, step=3 * width, encoding="rgb8", data=pixels)
     end = time.monotonic() + TIMEOUT_S + frames / RATE_HZ
     while len(taken) < WARM_UP + frames:
+        assert nunetd.poll() is None, "nunetd has ended"
         assert time.monotonic() < end, f"{len(taken)} depths arrived"
         message.header.stamp = node.get_clock().now().to_msg()
         start = time.monotonic()
@@ -71,7 +72,7 @@ def main(model: str, frames: int) -> None:
         ]  # fmt: skip
         process = subprocess.Popen(command, stdin=subprocess.DEVNULL)
         try:
-            end_to_end = np.array(exchange(frames)) * 1e3
+            end_to_end = np.array(exchange(frames, process)) * 1e3
         finally:
             process.terminate()
             process.wait(TIMEOUT_S)

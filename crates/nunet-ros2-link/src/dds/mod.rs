@@ -14,6 +14,7 @@ mod health;
 mod inbox;
 mod link;
 mod nodes;
+mod pace;
 mod peers;
 mod probe;
 mod qos;

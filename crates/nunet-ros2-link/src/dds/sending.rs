@@ -3,25 +3,21 @@
 use std::net::{SocketAddrV4, UdpSocket};
 use std::sync::Arc;
 use std::sync::mpsc::Sender;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use dust_dds::transport::interface::WriteMessage;
 use dust_dds::transport::types::{LOCATOR_KIND_UDP_V4, Locator};
 
-use super::addresses::{OwnAddress, reachable};
+use super::addresses::{OwnAddress, is_own, reachable};
 use super::announcement::limit_endpoints;
 use super::found::Found;
 use super::guard::participant_payload;
+use super::pace::Pace;
 use super::peers::{Outgoing, Peers};
 use super::rtps::understood_departure;
 
 /// The largest UDP datagram.
 pub(super) const MAX_DATAGRAM_BYTES: usize = 65_507;
-/// After this number of bytes, the sender pauses: a default receive buffer holds three times as much, and what does
-/// not fit is lost.
-const BURST_BYTES: usize = 48 * 1024;
-/// Time for readers to empty their receive buffers.
-const PAUSE: Duration = Duration::from_micros(500);
 
 /// Where the participant announces itself.
 pub(super) struct Announcements {
@@ -41,8 +37,7 @@ pub(super) struct Sending {
     pub(super) peers: Arc<Peers>,
     /// Takes what the library gets in the place of silent readers. It is inside the library when it sends.
     pub(super) answers: Sender<Vec<u8>>,
-    /// Sent since the last pause.
-    pub(super) burst_bytes: usize,
+    pub(super) pace: Pace,
 }
 
 impl Sending {
@@ -55,11 +50,7 @@ impl Sending {
             return;
         }
         let _ = self.socket.send_to(datagram, to);
-        self.burst_bytes += length;
-        if self.burst_bytes > BURST_BYTES {
-            self.burst_bytes = 0;
-            std::thread::sleep(PAUSE);
-        }
+        self.pace.sent(length, to, is_own(*to.ip(), &self.own));
     }
 
     fn announce(&mut self, length: usize) {

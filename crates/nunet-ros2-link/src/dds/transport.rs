@@ -17,6 +17,7 @@ use super::addresses::{
     own_addresses, participants_on,
 };
 use super::health::{Library, LibraryState};
+use super::pace::Pace;
 use super::peers::Peers;
 use super::receiving::Receiving;
 use super::sending::{Announcements, MAX_DATAGRAM_BYTES, Nowhere, Sending};
@@ -188,7 +189,7 @@ impl Sockets {
         ];
         let buffer = vec![0; MAX_DATAGRAM_BYTES];
         let answers = library.start_answering()?;
-        let writer = Sending { socket, buffer, own, announcements, peers, answers, burst_bytes: 0 };
+        let writer = Sending { socket, buffer, own, announcements, peers, answers, pace: Pace::new() };
         Ok(participant_of(Box::new(writer), locators))
     }
 }
