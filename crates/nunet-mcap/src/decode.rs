@@ -9,6 +9,7 @@ use crate::cdr;
 use crate::channel::{ChannelKind, Content, MessageFormat};
 use crate::foxglove_json as json;
 use crate::image::{Purpose, Raw, RecordedImage};
+use crate::image_error::ImageError;
 use crate::messages::{self, CameraInfo, CompressedImage, Image};
 use crate::topics::{TopicContent, is_rectified};
 
@@ -39,10 +40,10 @@ pub(crate) fn image(
     data: &[u8],
     read_mode: ReadMode,
     image: &mut RecordedImage,
-) -> Result<(), String> {
+) -> Result<(), ImageError> {
     let purpose = read_mode.purpose;
     match (kind.content, kind.form) {
-        (Content::Camera, _) => Err("it describes a camera".to_owned()),
+        (Content::Camera, _) => Err("it describes a camera".to_owned().into()),
         (Content::RawImage, MessageFormat::Ros) => {
             image.set_ros_image(&cdr::decode::<Image<'_>>(data)?, purpose)
         }
@@ -59,7 +60,7 @@ fn raw_image(
     data: &[u8],
     purpose: Purpose,
     out: &mut RecordedImage,
-) -> Result<(), String> {
+) -> Result<(), ImageError> {
     let mut set = |nanos, frame_id: &str, raw: &Raw<'_>| {
         out.set_header(nanos, frame_id);
         out.set_raw(raw, purpose)
@@ -94,7 +95,7 @@ fn compressed_image(
     data: &[u8],
     purpose: Purpose,
     out: &mut RecordedImage,
-) -> Result<(), String> {
+) -> Result<(), ImageError> {
     match form {
         MessageFormat::FoxgloveProtobuf => {
             let message = protobuf::CompressedImage::decode(data).map_err(|error| error.to_string())?;

@@ -3,13 +3,12 @@
 use nunet_types::{ImageSize, MAX_FRAME_ID, MAX_SIDE_PX};
 
 use crate::compressed_depth;
-use crate::encoding::{ImageEncoding, READABLE};
+use crate::encoding::ImageEncoding;
+use crate::image_error::ImageError;
 use crate::messages::{CompressedImage, Image};
 
 const JPEG: [u8; 3] = [0xff, 0xd8, 0xff];
 const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
-/// How the error for depth on a topic that is read as images ends.
-pub(crate) const IS_DEPTH: &str = "is depth, not an image";
 
 /// How the images of a topic are interpreted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -93,7 +92,7 @@ impl RecordedImage {
         }
     }
 
-    pub(crate) fn set_ros_image(&mut self, image: &Image<'_>, purpose: Purpose) -> Result<(), String> {
+    pub(crate) fn set_ros_image(&mut self, image: &Image<'_>, purpose: Purpose) -> Result<(), ImageError> {
         self.set_header(image.header.stamp.unix_nanos(), &image.header.frame_id);
         let Image { width, height, step, .. } = *image;
         let big_endian = image.is_bigendian != 0;
@@ -107,7 +106,7 @@ impl RecordedImage {
         &mut self,
         image: &CompressedImage<'_>,
         purpose: Purpose,
-    ) -> Result<(), String> {
+    ) -> Result<(), ImageError> {
         self.set_header(image.header.stamp.unix_nanos(), &image.header.frame_id);
         self.set_file(image.data, &image.format, purpose)
     }
@@ -122,24 +121,28 @@ impl RecordedImage {
 
     /// A compressed image: JPEG and PNG are recognized by their first bytes, since formats are written in many ways
     /// ("rgb8; jpeg compressed bgr8"). The encoding before the semicolon is that of the image before compression.
-    pub(crate) fn set_file(&mut self, data: &[u8], format: &str, purpose: Purpose) -> Result<(), String> {
+    pub(crate) fn set_file(&mut self, data: &[u8], format: &str, purpose: Purpose) -> Result<(), ImageError> {
         let original = format.split_once(';').and_then(|(name, _)| ImageEncoding::named(name.trim()));
         let is_transport = compressed_depth::is_named(format);
         // `16UC1` is brightness then, as in raw images.
         let is_brightness = original == Some(ImageEncoding::DepthMillimeters) && purpose == Purpose::Infrared;
         let is_depth = is_transport || (original.is_some_and(ImageEncoding::is_depth) && !is_brightness);
         if is_depth && purpose != Purpose::Depth {
-            return Err(format!("`{format:.60}` {IS_DEPTH}"));
+            return Err(ImageError::Depth { format: format.to_owned() });
         }
         if is_transport {
             return self.set_depth(compressed_depth::decode(data, format)?);
         }
         if !data.starts_with(&JPEG) && !data.starts_with(PNG) {
-            return Err(format!("its {} bytes, as `{format:.60}`, are neither JPEG nor PNG", data.len()));
+            return Err(
+                format!("its {} bytes, as `{format:.60}`, are neither JPEG nor PNG", data.len()).into()
+            );
         }
         if purpose == Purpose::Depth {
             if original == Some(ImageEncoding::DepthMeters) {
-                return Err(format!("`{format:.60}` has no unit: JPEG and PNG have whole numbers only"));
+                return Err(
+                    format!("`{format:.60}` has no unit: JPEG and PNG have whole numbers only").into()
+                );
             }
             return self.set_depth(compressed_depth::decode_png(data)?);
         }
@@ -154,7 +157,7 @@ impl RecordedImage {
         Ok(())
     }
 
-    fn set_depth(&mut self, depth: compressed_depth::Decoded) -> Result<(), String> {
+    fn set_depth(&mut self, depth: compressed_depth::Decoded) -> Result<(), ImageError> {
         let ImageSize { width, height } = depth.size;
         self.encoding = Some(depth.encoding);
         let row = depth.encoding.row_bytes(width);
@@ -165,15 +168,17 @@ impl RecordedImage {
         Ok(())
     }
 
-    pub(crate) fn set_raw(&mut self, raw: &Raw<'_>, purpose: Purpose) -> Result<(), String> {
+    pub(crate) fn set_raw(&mut self, raw: &Raw<'_>, purpose: Purpose) -> Result<(), ImageError> {
         let (width, height, step) = (raw.width, raw.height, raw.step);
         let sides = 1..=MAX_SIDE_PX;
         // First, because an empty message has no encoding either, which would stand for the whole topic.
         if !sides.contains(&width) || !sides.contains(&height) {
-            return Err(format!("the size is {width}x{height}, expected sides of 1 to {MAX_SIDE_PX} pixels"));
+            return Err(
+                format!("the size is {width}x{height}, expected sides of 1 to {MAX_SIDE_PX} pixels").into()
+            );
         }
         let named = ImageEncoding::named(raw.encoding)
-            .ok_or_else(|| format!("encoding `{:.60}` cannot be read, expected {READABLE}", raw.encoding))?;
+            .ok_or_else(|| ImageError::Encoding { encoding: raw.encoding.to_owned() })?;
         let encoding = match (named, purpose) {
             (ImageEncoding::DepthMillimeters, Purpose::Infrared) => ImageEncoding::Mono16,
             (ImageEncoding::Mono16, Purpose::Depth) => ImageEncoding::DepthMillimeters,
@@ -185,7 +190,7 @@ impl RecordedImage {
                 "{width}x{height} `{:.60}` with {step} bytes a row needs rows of {row} bytes and {needed} in all, got {}",
                 raw.encoding,
                 raw.data.len()
-            ));
+            ).into());
         }
         self.encoding = Some(encoding);
         (self.width, self.height, self.row_stride) = (width, height, step);
@@ -216,7 +221,7 @@ mod tests {
     ) -> Result<RecordedImage, String> {
         let (mut image, size) = (RecordedImage::default(), size.into());
         let raw = Raw { width: size.width, height: size.height, step, encoding, data, big_endian: false };
-        image.set_raw(&raw, purpose).map(|()| image)
+        image.set_raw(&raw, purpose).map(|()| image).map_err(|error| error.to_string())
     }
 
     fn set(
@@ -294,7 +299,7 @@ mod tests {
     #[test]
     fn an_unknown_encoding_is_named_with_those_that_are_read() {
         let error = set("nv24", (2, 2), 2, &[0; 4]).unwrap_err();
-        assert_eq!(error, format!("encoding `nv24` cannot be read, expected {READABLE}"));
+        assert_eq!(error, format!("encoding `nv24` cannot be read, expected {}", crate::encoding::READABLE));
     }
 
     #[test]
@@ -311,10 +316,13 @@ mod tests {
         let jpeg = [0xff, 0xd8, 0xff, 0xe0];
         image.set_file(&jpeg, "rgb8; jpeg compressed bgr8", Purpose::Color).unwrap();
         assert_eq!(image.encoding, Some(ImageEncoding::File));
-        let error = image.set_file(b"RIFF....WEBP", "webp", Purpose::Color).unwrap_err();
+        let error = image.set_file(b"RIFF....WEBP", "webp", Purpose::Color).unwrap_err().to_string();
         assert_eq!(error, "its 12 bytes, as `webp`, are neither JPEG nor PNG");
-        assert!(image.set_file(b"", "jpeg", Purpose::Color).unwrap_err().starts_with("its 0 bytes"));
-        let error = image.set_file(&jpeg, "16UC1; compressedDepth png", Purpose::Color).unwrap_err();
+        assert!(
+            image.set_file(b"", "jpeg", Purpose::Color).unwrap_err().to_string().starts_with("its 0 bytes")
+        );
+        let error =
+            image.set_file(&jpeg, "16UC1; compressedDepth png", Purpose::Color).unwrap_err().to_string();
         assert_eq!(error, "`16UC1; compressedDepth png` is depth, not an image");
     }
     #[test]
@@ -325,7 +333,7 @@ mod tests {
         let png = png.into_inner();
         let mut image = RecordedImage::default();
         for format in ["16UC1; png compressed ", "32FC1; png compressed ", "32FC1; tiff compressed"] {
-            let error = image.set_file(&png, format, Purpose::Color).unwrap_err();
+            let error = image.set_file(&png, format, Purpose::Color).unwrap_err().to_string();
             assert_eq!(error, format!("`{format}` is depth, not an image"));
         }
         for format in ["16UC1; png compressed ", "mono16; png compressed ", "png"] {
@@ -337,7 +345,7 @@ mod tests {
         let message = [&[0; 4][..], &100_f32.to_le_bytes(), &1500_f32.to_le_bytes(), &png].concat();
         image.set_file(&message, "32FC1; compressedDepth png", Purpose::Depth).unwrap();
         assert!(image.depth_m().iter().all(|meters| meters.is_nan()), "{:?}", image.depth_m());
-        let error = image.set_file(&png, "32FC1; png compressed ", Purpose::Depth).unwrap_err();
+        let error = image.set_file(&png, "32FC1; png compressed ", Purpose::Depth).unwrap_err().to_string();
         assert!(error.contains("has no unit"), "{error}");
         image.set_file(&png, "16UC1; png compressed ", Purpose::Infrared).unwrap();
         assert_eq!(image.encoding, Some(ImageEncoding::File), "it is brightness");

@@ -69,6 +69,7 @@ mod file_end;
 mod foxglove_json;
 mod frame_record;
 mod image;
+mod image_error;
 mod json_fields;
 mod live;
 mod messages;

@@ -25,7 +25,7 @@ impl TopicDecoder {
     /// # Errors
     /// Why it cannot be read: it is cut off, its encoding is unknown, or its size contradicts its data.
     pub fn image(&self, message: &[u8], image: &mut RecordedImage) -> Result<(), String> {
-        decode::image(self.kind, message, self.read_mode, image)
+        decode::image(self.kind, message, self.read_mode, image).map_err(|error| error.to_string())
     }
 
     /// Replaces what is known of the camera by what a `CameraInfo` says. A message that cannot be read

@@ -9,8 +9,9 @@ use crate::bag::RecordingPart;
 use crate::channel::Channel;
 use crate::channels::{Channels, FirstImage, FirstImages};
 use crate::decode::{self, ReadMode};
-use crate::encoding::{ImageEncoding, READABLE};
-use crate::image::{IS_DEPTH, RecordedImage};
+use crate::encoding::ImageEncoding;
+use crate::image::RecordedImage;
+use crate::image_error::ImageError;
 use crate::record::Record;
 use crate::records::Records;
 
@@ -71,8 +72,8 @@ fn first_image(channel: &Channel, data: &[u8]) -> Option<FirstImage> {
     match decode::image(kind, data, ReadMode::of_image_topic(&channel.topic), &mut image) {
         Ok(()) if image.encoding.is_some_and(ImageEncoding::is_depth) => Some(FirstImage::Depth),
         Ok(()) => Some(FirstImage::Image),
-        Err(reason) if reason.ends_with(IS_DEPTH) => Some(FirstImage::Depth),
-        Err(reason) if reason.ends_with(READABLE) => Some(FirstImage::Unreadable(reason)),
-        Err(_) => None,
+        Err(ImageError::Depth { .. }) => Some(FirstImage::Depth),
+        Err(error @ ImageError::Encoding { .. }) => Some(FirstImage::Unreadable(error.to_string())),
+        Err(ImageError::Message(_)) => None,
     }
 }

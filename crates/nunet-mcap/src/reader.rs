@@ -253,10 +253,10 @@ impl Recording {
                 image.roll_pitch_rad = own.map(|(_, roll_pitch_rad)| roll_pitch_rad);
                 return match decoded {
                     Ok(()) => RecordOutcome::Image,
-                    Err(reason) => RecordOutcome::Bad(RecordingError::Message {
+                    Err(error) => RecordOutcome::Bad(RecordingError::Message {
                         topic: topic.clone(),
                         number: *images,
-                        reason,
+                        reason: error.to_string(),
                     }),
                 };
             }
