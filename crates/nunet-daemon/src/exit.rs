@@ -10,14 +10,14 @@ use nunet_files::FilesError;
 use nunet_foxglove::{FoxgloveServerError, FoxgloveServerErrorKind};
 use nunet_ipc::{CameraName, CameraNameError, IpcError};
 use nunet_ros2::{Ros2Error, Ros2ErrorKind};
+use nunet_sink::error_kind::SinkErrorKind;
 use nunet_sink::file_plan::FilePlanError;
 use nunet_sink::file_writer::FilesLate;
 pub use nunet_sink::sink::Outcome;
+use nunet_sink::stdout::StdoutError;
 use nunet_source::{CameraNews, SourceError, SourceErrorKind};
 use nunet_types::{CAUSE_MARK, Hint, printable, split_hint};
 use tracing::warn;
-
-use nunet_sink::stdout::StdoutError;
 
 /// An error of the arguments: exit code 2 instead of 1.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -213,6 +213,7 @@ pub(crate) fn is_usage(error: &anyhow::Error) -> bool {
                 || is_one(cause, |error: &EvalError| error.kind() == EvalErrorKind::Argument)
                 || is_one(cause, |error: &CalibrateError| error.kind() == EvalErrorKind::Argument)
                 || is_one(cause, |error: &SourceError| error.kind() == SourceErrorKind::BadArguments)
+                || is_one(cause, |error: &FilePlanError| error.kind() == SinkErrorKind::Argument)
                 || is_one(cause, |error: &Ros2Error| error.kind() == Ros2ErrorKind::Arguments)
                 || is_one(cause, |error: &FoxgloveServerError| {
                     error.kind() == FoxgloveServerErrorKind::Arguments
@@ -226,7 +227,7 @@ fn is_one<E: StdError + 'static>(cause: &DynError, is_usage: fn(&E) -> bool) -> 
 
 /// `nunetd watch front --json | head -1` is a success. A pipe that is an output file is not: its reader has lost results.
 fn is_closed_pipe(error: &anyhow::Error) -> bool {
-    error.chain().any(|cause| cause.downcast_ref().is_some_and(StdoutError::is_closed_pipe))
+    error.chain().any(|cause| is_one(cause, |error: &StdoutError| error.kind() == SinkErrorKind::ClosedPipe))
 }
 
 /// Prints a failure. If stderr is closed, the message is lost.

@@ -29,6 +29,22 @@ pub enum MavlinkAddress {
 #[error("`{0}` is not a MAVLink address")]
 pub struct AddressError(String);
 
+/// The kind of an error of this crate.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum MavlinkErrorKind {
+    /// A value that the user chose.
+    Argument,
+}
+
+impl AddressError {
+    /// [`MavlinkErrorKind::Argument`].
+    #[must_use]
+    pub fn kind(&self) -> MavlinkErrorKind {
+        MavlinkErrorKind::Argument
+    }
+}
+
 impl Hint for AddressError {
     fn hint(&self) -> Option<Cow<'static, str>> {
         Some("pass udpout:HOST:PORT, tcpout:HOST:PORT or serial:DEVICE:BAUD".into())
@@ -86,6 +102,7 @@ mod tests {
         for text in wrong.chain(["serial:/dev/a:fast", "serial:/dev/a:0", "serial::57600"]) {
             let error = text.parse::<MavlinkAddress>().unwrap_err();
             assert_eq!(error.to_string(), format!("`{text}` is not a MAVLink address"));
+            assert_eq!(error.kind(), MavlinkErrorKind::Argument);
             assert!(error.hint().unwrap().contains("udpout:HOST:PORT"));
         }
     }

@@ -31,6 +31,6 @@ mod lookup;
 mod messages;
 mod ring;
 
-pub use address::{AddressError, MavlinkAddress};
+pub use address::{AddressError, MavlinkAddress, MavlinkErrorKind};
 pub use link::{LinkEvent, MavlinkLink};
 pub use ring::{BINS, DistanceRing, UNKNOWN_CM};

@@ -11,6 +11,7 @@ use nunet_files::RESULT_FILES;
 use nunet_source::{IMAGE_EXTENSIONS, SourceName};
 use nunet_types::Hint;
 
+use crate::error_kind::SinkErrorKind;
 use crate::obstacle_images::OBSTACLE_FILES;
 
 /// Why an output would destroy something.
@@ -51,6 +52,14 @@ pub enum FilePlanError {
         /// What is read.
         input: &'static str,
     },
+}
+
+impl FilePlanError {
+    /// [`SinkErrorKind::Argument`].
+    #[must_use]
+    pub fn kind(&self) -> SinkErrorKind {
+        SinkErrorKind::Argument
+    }
 }
 
 impl Hint for FilePlanError {

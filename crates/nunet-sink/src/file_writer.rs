@@ -7,12 +7,22 @@ use anyhow::{Context as _, anyhow};
 use nunet_telemetry::{DrainTimeout, GivenUp};
 use nunet_types::Hint;
 
+use crate::error_kind::SinkErrorKind;
+
 /// Files were not written in time.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot write {what}: {reason}")]
 pub struct FilesLate {
     what: String,
     reason: GivenUp,
+}
+
+impl FilesLate {
+    /// [`SinkErrorKind::TimedOut`].
+    #[must_use]
+    pub fn kind(&self) -> SinkErrorKind {
+        SinkErrorKind::TimedOut
+    }
 }
 
 impl Hint for FilesLate {
@@ -79,8 +89,12 @@ mod tests {
         let (let_go, hangs) = channel::<()>();
         let writer = FileWriter::start("the files in `o`".into(), move || Ok(hangs.recv()?)).unwrap();
         let mut timeout = DrainTimeout::with(&|| true, Duration::ZERO, Duration::from_secs(60));
-        let error = writer.end(&mut timeout).unwrap_err().to_string();
-        assert_eq!(error, "cannot write the files in `o`: timed out 0 s after shutdown was requested");
+        let error = writer.end(&mut timeout).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "cannot write the files in `o`: timed out 0 s after shutdown was requested"
+        );
+        assert_eq!(error.downcast_ref().map(FilesLate::kind), Some(SinkErrorKind::TimedOut));
         drop(let_go);
     }
 }

@@ -16,6 +16,7 @@
 //! | [`stats_record`] | counts and latencies as stored in shared memory |
 //! | [`watch_text`] | a frame and its stats as text |
 //! | [`stability`] | a warning about depth that drifts or flickers while the image does not change |
+//! | [`error_kind`] | the kinds of this crate's errors |
 //! | [`attitude`] | the mount of each frame on a robot that pitches or rolls |
 //! | [`mount_option`] | the pose of a camera, as six numbers |
 //! | [`mavlink`] | obstacles for an autopilot |
@@ -26,6 +27,7 @@
 pub mod archive;
 pub mod attitude;
 pub mod empty_depth;
+pub mod error_kind;
 pub mod file_plan;
 pub mod file_writer;
 pub mod frame_writer;

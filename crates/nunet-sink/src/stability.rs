@@ -52,7 +52,7 @@ impl StabilityWarning {
         let begins = !std::mem::replace(&mut self.was_unstable, is_unstable) && is_unstable;
         let Some(Stability { drift, flicker }) = totals.stability.recent().filter(|_| begins) else { return };
         if let Some(suppressed) = self.limit.allow(Instant::now()) {
-            let hint = "check light, focus and exposure; --filter temporal reduces flicker";
+            let hint = "check light, focus and exposure; the temporal filter reduces flicker";
             let (drift, flicker) = (100.0 * drift, 100.0 * flicker);
             warn!(
                 hint,

@@ -5,15 +5,22 @@ use std::io::{self, Write};
 
 use nunet_types::printable;
 
+use crate::error_kind::SinkErrorKind;
+
 /// Standard output could not be written.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot write to standard output")]
 pub struct StdoutError(#[from] io::Error);
 
 impl StdoutError {
-    /// Whether the reader has closed the pipe, as `head -1` does. That is the end of the work, not a failure.
-    pub fn is_closed_pipe(&self) -> bool {
-        self.0.kind() == io::ErrorKind::BrokenPipe
+    /// [`SinkErrorKind::ClosedPipe`] if the reader has closed the pipe, as `head -1` does: that is the end of the
+    /// work, not a failure. Otherwise [`SinkErrorKind::System`].
+    #[must_use]
+    pub fn kind(&self) -> SinkErrorKind {
+        match self.0.kind() {
+            io::ErrorKind::BrokenPipe => SinkErrorKind::ClosedPipe,
+            _ => SinkErrorKind::System,
+        }
     }
 }
 
@@ -57,6 +64,13 @@ fn escaped(line: &[u8], color: bool) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_closed_pipe_is_no_failure_of_the_system() {
+        let kind = |kind: io::ErrorKind| StdoutError::from(io::Error::from(kind)).kind();
+        assert_eq!(kind(io::ErrorKind::BrokenPipe), SinkErrorKind::ClosedPipe);
+        assert_eq!(kind(io::ErrorKind::StorageFull), SinkErrorKind::System);
+    }
 
     #[test]
     fn a_log_line_stays_one_line() {

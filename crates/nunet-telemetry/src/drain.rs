@@ -37,6 +37,27 @@ pub enum GivenUp {
     Stalled(Duration),
 }
 
+/// The kind of an error of this crate.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum TelemetryErrorKind {
+    /// The time after a requested stop is over.
+    Stopped,
+    /// A write made no progress.
+    Stalled,
+}
+
+impl GivenUp {
+    /// Its kind, without the time.
+    #[must_use]
+    pub fn kind(&self) -> TelemetryErrorKind {
+        match self {
+            Self::Stopped(_) => TelemetryErrorKind::Stopped,
+            Self::Stalled(_) => TelemetryErrorKind::Stalled,
+        }
+    }
+}
+
 impl<'a> DrainTimeout<'a> {
     /// `stopped` returns whether a stop was requested; it may come during a wait.
     #[must_use]
@@ -95,6 +116,12 @@ mod tests {
     fn a_late_but_finished_write_is_accepted() {
         let mut timeout = DrainTimeout::with(&|| true, Duration::ZERO, Duration::ZERO);
         assert_eq!(timeout.wait("a file", || true, || 0), Ok(()));
+    }
+
+    #[test]
+    fn the_kind_says_whether_a_stop_ended_the_wait() {
+        assert_eq!(GivenUp::Stopped(SHORT).kind(), TelemetryErrorKind::Stopped);
+        assert_eq!(GivenUp::Stalled(SHORT).kind(), TelemetryErrorKind::Stalled);
     }
 
     #[test]

@@ -45,7 +45,7 @@ mod supervisor;
 mod totals;
 
 pub use allocations::{Allocations, CountingAllocator, allocations_of_this_thread, foreign_allocations};
-pub use drain::{DrainTimeout, GivenUp};
+pub use drain::{DrainTimeout, GivenUp, TelemetryErrorKind};
 pub use latency::{Latencies, LatencySummary, micros_between};
 pub use ledger::{Counts, FrameEnd, Ledger};
 pub use machine::{host, is_signal_ignored, peak_rss_mb};

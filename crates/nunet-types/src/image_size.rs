@@ -4,6 +4,8 @@ use std::error::Error;
 use std::fmt;
 use std::str::FromStr;
 
+use crate::error_kind::TypesErrorKind;
+
 /// The longest side of an image that is accepted, in pixels: larger than any camera's, and small enough that no size
 /// computed from it overflows.
 pub const MAX_SIDE_PX: u32 = 32_768;
@@ -83,6 +85,14 @@ pub enum ImageSizeError {
     },
 }
 
+impl ImageSizeError {
+    /// [`TypesErrorKind::Argument`].
+    #[must_use]
+    pub const fn kind(&self) -> TypesErrorKind {
+        TypesErrorKind::Argument
+    }
+}
+
 impl fmt::Display for ImageSizeError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -120,6 +130,7 @@ mod tests {
         for text in ["", "640", "640x", "x480", "640x480x3", "-1x2", "640X480", "1.0x2", "99999999999x1"] {
             let error = text.parse::<ImageSize>().unwrap_err();
             assert!(matches!(error, ImageSizeError::Syntax { .. }), "{text}: {error}");
+            assert_eq!(error.kind(), TypesErrorKind::Argument);
         }
     }
 }

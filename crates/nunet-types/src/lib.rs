@@ -9,7 +9,7 @@
 //! | [`CloudPoint`], [`NO_LABEL`] | one point of a cloud, 16 bytes |
 //! | [`Topic`], [`Encoding`], [`Clock`], [`Wake`] | the properties of a shared-memory message |
 //! | [`layout`], [`contract_struct!`] | structs whose byte layout is fixed, with a table of their fields |
-//! | [`Hint`] | what a user can do about an error |
+//! | [`Hint`], [`TypesErrorKind`] | what a user can do about an error; the kinds of this crate's errors |
 //! | [`is_host_and_port`] | whether a text is an address on a network |
 //! | [`shortest()`] | a number that prints as it was written |
 //! | [`counted()`] | a count with its noun in the singular or plural |
@@ -41,6 +41,7 @@ mod cloud_point;
 mod contract;
 mod counted;
 mod depth;
+mod error_kind;
 mod hint;
 mod host_port;
 mod image_size;
@@ -60,6 +61,7 @@ pub use cloud_point::{CloudPoint, NO_LABEL};
 pub use contract::CONTRACT_VERSION;
 pub use counted::counted;
 pub use depth::{Quality, ScaleSource, Units};
+pub use error_kind::TypesErrorKind;
 pub use hint::{CAUSE_MARK, Hint, hint_of_listen, join_hint, split_hint, text_with_causes, text_with_hint};
 pub use host_port::is_host_and_port;
 pub use image_size::{ImageSize, ImageSizeError, MAX_SIDE_PX};

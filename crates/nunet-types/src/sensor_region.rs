@@ -3,6 +3,7 @@
 use std::error::Error;
 use std::fmt;
 
+use crate::error_kind::TypesErrorKind;
 use crate::image_size::ImageSize;
 
 /// The part of its sensor that a camera delivers: `binning_x`, `binning_y` and `roi` of ROS's `sensor_msgs/CameraInfo`.
@@ -51,6 +52,14 @@ pub struct RegionOutside {
     pub region: SensorRegion,
     /// The size of the sensor.
     pub size: ImageSize,
+}
+
+impl RegionOutside {
+    /// [`TypesErrorKind::Camera`].
+    #[must_use]
+    pub const fn kind(&self) -> TypesErrorKind {
+        TypesErrorKind::Camera
+    }
 }
 
 impl fmt::Display for RegionOutside {
@@ -128,7 +137,9 @@ mod tests {
             SensorRegion { height: 381, ..REGION },
             SensorRegion { y_offset: u32::MAX, ..REGION },
         ] {
-            assert_eq!(region.captured(SENSOR, NUMBERS), Err(RegionOutside { region, size: SENSOR }));
+            let error = region.captured(SENSOR, NUMBERS).unwrap_err();
+            assert_eq!(error, RegionOutside { region, size: SENSOR });
+            assert_eq!(error.kind(), TypesErrorKind::Camera);
         }
     }
 }

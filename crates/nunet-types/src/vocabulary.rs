@@ -3,6 +3,8 @@
 use std::error::Error;
 use std::fmt;
 
+use crate::error_kind::TypesErrorKind;
+
 /// A number that no variant of an enumeration has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct UnknownValue {
@@ -12,6 +14,14 @@ pub struct UnknownValue {
     pub value: u32,
     /// The largest number that has a meaning.
     pub last: u32,
+}
+
+impl UnknownValue {
+    /// [`TypesErrorKind::Contract`].
+    #[must_use]
+    pub const fn kind(&self) -> TypesErrorKind {
+        TypesErrorKind::Contract
+    }
 }
 
 impl fmt::Display for UnknownValue {
@@ -32,6 +42,14 @@ pub struct UnknownWord {
     pub word: String,
     /// Every known word.
     pub choices: Vec<&'static str>,
+}
+
+impl UnknownWord {
+    /// [`TypesErrorKind::Argument`].
+    #[must_use]
+    pub const fn kind(&self) -> TypesErrorKind {
+        TypesErrorKind::Argument
+    }
 }
 
 impl fmt::Display for UnknownWord {
@@ -111,7 +129,8 @@ pub(crate) use vocabulary;
 #[cfg(test)]
 mod tests {
     use crate::{
-        Clock, DistortionModel, Encoding, PixelFormat, Quality, ScaleSource, SectorState, Topic, Units, Wake,
+        Clock, DistortionModel, Encoding, PixelFormat, Quality, ScaleSource, SectorState, Topic,
+        TypesErrorKind, Units, Wake,
     };
 
     #[test]
@@ -146,13 +165,17 @@ mod tests {
 
     #[test]
     fn an_unknown_number_says_what_was_expected() {
-        let message = Quality::try_from(9).unwrap_err().to_string();
+        let error = Quality::try_from(9).unwrap_err();
+        assert_eq!(error.kind(), TypesErrorKind::Contract);
+        let message = error.to_string();
         assert_eq!(message, "field `quality` is `9`, but contract 1 defines only 0 to 1");
     }
 
     #[test]
     fn an_unknown_word_lists_the_choices() {
-        let message = "rgb".parse::<PixelFormat>().unwrap_err().to_string();
+        let error = "rgb".parse::<PixelFormat>().unwrap_err();
+        assert_eq!(error.kind(), TypesErrorKind::Argument);
+        let message = error.to_string();
         assert_eq!(
             message,
             "unknown pixel format `rgb`, expected one of `rgb8`, `bgr8`, `mono8`, `yuyv`, `nv12`"

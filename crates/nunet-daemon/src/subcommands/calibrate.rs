@@ -18,7 +18,7 @@ use super::eval::{Printer, depth_cap_hint, with_flags};
 use super::load::{load, tested_pipeline};
 use crate::Outcome;
 use crate::config::SourceConfig;
-use crate::exit::{BadArguments, WithHint, warn_of_camera};
+use crate::exit::{WithHint, warn_of_camera};
 use crate::sink::recording::refuse_output;
 use crate::source::{CameraGeometry, CameraResolver, Frame, OpenOptions, Rotation};
 use crate::stream::{FrameHandler, Pace, Stop, drive};
@@ -100,7 +100,7 @@ fn check_files(options: &CalibrateOptions) -> anyhow::Result<()> {
     others.for_each(|file| files.read(role, file));
     let Some(out) = &options.out else { return Ok(()) };
     files.write("the calibration to write", out);
-    files.check().map_err(|error| BadArguments::of(&error))?;
+    files.check()?;
     refuse_output(out, options.force || named.is_some_and(|named| place(named) == place(out)))?;
     Ok(check_writable(out)?)
 }

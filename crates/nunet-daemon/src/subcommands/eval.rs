@@ -14,7 +14,7 @@ use tracing::{error, info, warn};
 use super::load::{load, tested_pipeline};
 use super::progress::progress;
 use crate::Outcome;
-use crate::exit::{BadArguments, WithHint, warn_of_camera};
+use crate::exit::{WithHint, warn_of_camera};
 use nunet_sink::stdout::print;
 
 /// The options of `eval`.
@@ -30,7 +30,7 @@ pub(crate) struct EvalCommandOptions {
 
 /// Measures every image. An image that cannot be read is reported and counted.
 pub(crate) fn eval(options: EvalCommandOptions) -> anyhow::Result<Outcome> {
-    file_plan(&options).check().map_err(|error| BadArguments::of(&error))?;
+    file_plan(&options).check()?;
     let evaluator = Evaluator::new(options.evaluation).map_err(with_flags)?;
     if let Some(out) = &options.out {
         check_folder(out)?;

@@ -53,7 +53,7 @@ pub(crate) fn infer(options: &InferOptions) -> anyhow::Result<Outcome> {
 fn infer_unless(options: &InferOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     let images: Vec<PathBuf> = named_images(&options.images)?;
     let folders = result_folders(&images, &options.out)?;
-    file_plan(options, &images, &folders).check().map_err(|error| BadArguments::of(&error))?;
+    file_plan(options, &images, &folders).check()?;
     let camera = CameraResolver::new(&options.processing.geometry)?;
     check_folder(&options.out)?;
     refuse_no_images(&images)?;

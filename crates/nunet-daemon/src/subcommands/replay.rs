@@ -23,7 +23,7 @@ use super::load::{load_unless, tested_pipeline};
 use super::progress::progress;
 use crate::Outcome;
 use crate::config::{ModelConfig, MountOption, ProcessingConfig, Publish, default_frame_id};
-use crate::exit::{BadArguments, is_usage, warn_of_camera};
+use crate::exit::{is_usage, warn_of_camera};
 use crate::sink::Results;
 use crate::sink::recording::refuse_output;
 use crate::sink::stats::ModelName;
@@ -69,7 +69,7 @@ pub(crate) fn replay(options: &ReplayOptions) -> anyhow::Result<Outcome> {
 }
 
 fn replay_unless(options: &ReplayOptions, stop: &Stop) -> anyhow::Result<Outcome> {
-    file_plan(options).check().map_err(|error| BadArguments::of(&error))?;
+    file_plan(options).check()?;
     refuse_output(&options.output, options.force)?;
     let resolver = CameraResolver::new(&options.processing.geometry)?;
     let how =

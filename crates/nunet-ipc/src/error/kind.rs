@@ -1,6 +1,7 @@
 //! Errors by what a program can do about them.
 
 use super::IpcError;
+use crate::name::CameraNameError;
 
 /// What kind of failure an [`IpcError`] is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -34,6 +35,14 @@ pub enum IpcErrorKind {
     Access,
     /// The system or iceoryx2 failed.
     System,
+}
+
+impl CameraNameError {
+    /// [`IpcErrorKind::InvalidArgument`].
+    #[must_use]
+    pub fn kind(&self) -> IpcErrorKind {
+        IpcErrorKind::InvalidArgument
+    }
 }
 
 impl IpcError {

@@ -34,7 +34,7 @@ impl OtherPublishers {
             links.iter().any(|link| link.published_types(topic).is_ok_and(|types| !types.is_empty()))
         };
         let Some(topic) = self.topic.take_if(|topic| is_published(topic)) else { return false };
-        let hint = "give each camera of a network a name of its own (--camera)";
+        let hint = "give each camera of a network a name of its own";
         warn!(hint, "another node publishes `{topic}` too: subscribers receive the messages of both");
         true
     }
