@@ -366,6 +366,7 @@ fn config_refuses_what_run_refuses_and_prints_what_it_would_take() {
         ("source = \"demo\"".to_owned(), &["--camera", "a/b"], "camera name `a/b` has '/'"),
         ("source = \"demo\"".to_owned(), &["--size", "640x480"], "a size is for cameras and raw images"),
         ("source = \"shm:a\"".to_owned(), &["--rate", "5"], "--rate and --loop are for files"),
+        ("source = \"ros2:/a\"".to_owned(), &["--rate", "5"], "has the rate of its publisher"),
         ("camera = \"a\"".to_owned(), &[], "nor the command line names a source for camera `a`"),
         (
             "source = \"demo\"".to_owned(),

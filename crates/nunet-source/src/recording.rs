@@ -24,7 +24,7 @@ impl SourceType for RecordingFile {
 
     fn properties(&self) -> Properties {
         Properties {
-            is_recording: true,
+            has_attitude: true,
             has_topics: true,
             camera: "camera",
             default_rate: Some("max"),
@@ -231,7 +231,7 @@ mod tests {
         image::RgbImage::new(2, 2).write_to(&mut png, image::ImageFormat::Png).unwrap();
         write_recording(&path, "eye", &[Some(png.get_ref().as_slice())]);
         let source = crate::SourceName::parse(path.to_str().unwrap());
-        assert!(source.properties().is_recording && source.files() == [path]);
+        assert!(source.properties().has_attitude && source.files() == [path]);
         let mut opened = source.open(OpenOptions::default()).unwrap();
         assert!(matches!(opened.fill(&mut Frame::default()), Fill::Frame));
     }

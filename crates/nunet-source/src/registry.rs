@@ -110,10 +110,8 @@ impl SourceName {
                 without_passwords(&self.name)
             ));
         }
-        if properties.is_ros2 && options.rate.is_some() {
-            return bad(
-                "a rate is for files and devices: a ROS 2 topic has the rate of its publisher".to_owned()
-            );
+        if let (Some(reason), Some(_)) = (properties.own_pace, options.rate) {
+            return bad(format!("a rate is for files and devices: {reason}"));
         }
         if !properties.has_settings && options.camera_settings != CameraSettings::UNCHANGED {
             return bad("exposure and gain are for V4L2 cameras, such as /dev/video0".to_owned());
@@ -134,7 +132,7 @@ impl SourceName {
             }
             _ => {}
         }
-        match properties.no_repeat.filter(|_| options.repeat) {
+        match properties.no_repeat.or(properties.own_pace).filter(|_| options.repeat) {
             Some(reason) => bad(format!("a loop is impossible: {reason}")),
             None => Ok(()),
         }
@@ -161,7 +159,7 @@ impl SourceName {
         match properties.exclusive {
             Some(Exclusive::StandardInput) => Ok(Box::new(NoFrames)),
             Some(Exclusive::Device) if self.path().exists() => Ok(Box::new(NoFrames)),
-            _ if properties.is_ros2 => Ok(Box::new(NoFrames)),
+            _ if properties.is_on_network => Ok(Box::new(NoFrames)),
             _ => self.open(options),
         }
     }
@@ -178,7 +176,7 @@ mod tests {
     use nunet_types::{ImageSize, PixelFormat};
 
     use super::*;
-    use crate::{CameraSetting, SourceErrorKind};
+    use crate::{CameraSetting, Rate, SourceErrorKind};
 
     fn kind(name: &str) -> Properties {
         SourceName::parse(name).properties()
@@ -188,18 +186,18 @@ mod tests {
     fn a_source_is_chosen_by_its_spelling() {
         assert_eq!(kind("demo").camera, "demo");
         assert_eq!(kind("./demo").camera, "camera");
-        assert!(kind("shm:front").is_shared_memory);
+        assert!(kind("shm:front").is_published);
         assert!(kind("exec:cat images.y4m").is_started && kind("rtsp://10.0.0.4/front").is_started);
         assert_eq!(kind("-").exclusive, Some(Exclusive::StandardInput));
-        assert_eq!(kind("drive.mcap").is_recording, cfg!(feature = "mcap"));
-        assert!(!kind("drive/*.jpg").is_recording);
+        assert_eq!(kind("drive.mcap").has_attitude, cfg!(feature = "mcap"));
+        assert!(!kind("drive/*.jpg").has_attitude);
     }
 
     #[cfg(all(feature = "ros2-dds", feature = "ros2-zenoh"))]
     #[test]
     fn a_ros_2_topic_is_checked_without_a_network() {
         let check = |name: &str| SourceName::parse(name).check(&OpenOptions::default());
-        assert!(kind("ros2:/camera/image_raw@7").is_ros2 && !kind("./ros2:/a").is_ros2);
+        assert!(kind("ros2:/camera/image_raw@7").states_frame_id && !kind("./ros2:/a").states_frame_id);
         assert!(check("ros2:/camera/image_raw@7").is_ok() && check("ros2:camera/image_raw").is_ok());
         for name in ["ros2:/a@dds", "ros2:/a@dds:7", "ros2:/a@zenoh", "ros2:/a@zenoh:tcp/10.0.0.1:7447"] {
             assert!(check(name).is_ok(), "{name}");
@@ -220,6 +218,9 @@ mod tests {
         let repeat = OpenOptions { repeat: true, ..OpenOptions::default() };
         let error = SourceName::parse("ros2:/a").check(&repeat).unwrap_err();
         assert!(error.to_string().contains("a topic has no end"), "{error}");
+        let rate = OpenOptions { rate: Some(Rate::Max), ..OpenOptions::default() };
+        let error = SourceName::parse("ros2:/a").check(&rate).unwrap_err();
+        assert_eq!(error.kind(), SourceErrorKind::BadArguments);
     }
 
     #[cfg(feature = "v4l2")]
@@ -238,9 +239,9 @@ mod tests {
     fn a_folder_with_a_recording_is_a_recording() {
         let folder = tempfile::tempdir().unwrap();
         let name = folder.path().to_str().unwrap();
-        assert!(!kind(name).is_recording);
+        assert!(!kind(name).has_attitude);
         std::fs::write(folder.path().join("drive_0.mcap"), b"").unwrap();
-        assert!(kind(name).is_recording);
+        assert!(kind(name).has_attitude);
     }
 
     #[test]
@@ -286,6 +287,10 @@ mod tests {
             assert!(refused("/dev/video0", repeat).contains("a camera has no end"));
         }
         assert!(refused("-", repeat).contains("standard input cannot begin again"));
+        let rate = OpenOptions { rate: Some(Rate::Max), ..OpenOptions::default() };
+        for options in [rate, repeat] {
+            assert!(refused("shm:front", options).contains("has its own pace"));
+        }
         let topic = OpenOptions { topic: Some("/a"), ..OpenOptions::default() };
         let camera_settings = CameraSettings { gain: Some(CameraSetting::Auto), ..CameraSettings::UNCHANGED };
         let set = OpenOptions { camera_settings, ..OpenOptions::default() };

@@ -49,7 +49,9 @@ impl SourceType for Ros2Topic {
 
     fn properties(&self) -> Properties {
         Properties {
-            is_ros2: true,
+            own_pace: Some("a ROS 2 topic has the rate of its publisher"),
+            is_on_network: true,
+            states_frame_id: true,
             no_repeat: Some("a topic has no end"),
             // Results of a camera named `camera` would be on the topics of many drivers.
             camera: "nunet",

@@ -30,7 +30,12 @@ impl SourceType for SharedMemoryCamera {
     }
 
     fn properties(&self) -> Properties {
-        Properties { is_shared_memory: true, camera: "camera", ..Properties::default() }
+        Properties {
+            own_pace: Some("a camera in shared memory has its own pace"),
+            is_published: true,
+            camera: "camera",
+            ..Properties::default()
+        }
     }
 
     fn open(&self, name: &str, _options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError> {

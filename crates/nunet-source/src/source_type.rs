@@ -54,14 +54,18 @@ pub trait SourceType: Sync {
 pub struct Properties {
     /// A resource that only one camera of a process can use.
     pub exclusive: Option<Exclusive>,
-    /// Whether frames can be taken from a file that may be written at the same time.
-    pub is_recording: bool,
-    /// Whether another process publishes the frames at its own pace.
-    pub is_shared_memory: bool,
+    /// Why neither a rate nor a loop can be chosen, if another process publishes the frames at its own pace.
+    pub own_pace: Option<&'static str>,
     /// Whether reading starts a program: a mere check must not.
     pub is_started: bool,
-    /// Whether it is a live topic of ROS 2: opening it connects to the network, and its publisher has its own pace.
-    pub is_ros2: bool,
+    /// Whether opening it connects to a network: a mere check must not.
+    pub is_on_network: bool,
+    /// Whether its frames are in shared memory already, where `feed` would publish them.
+    pub is_published: bool,
+    /// Whether its images state their coordinate frame. Their publisher also publishes the transform of that frame.
+    pub states_frame_id: bool,
+    /// Whether it can contain the attitude of the robot.
+    pub has_attitude: bool,
     /// Whether it has topics to choose from.
     pub has_topics: bool,
     /// The use of a size and a format.
@@ -82,7 +86,7 @@ impl Properties {
     /// Whether frames come by themselves, so that the first one may be long in coming.
     #[must_use]
     pub fn is_live(&self) -> bool {
-        self.exclusive.is_some() || self.is_shared_memory || self.is_started || self.is_ros2
+        self.exclusive.is_some() || self.own_pace.is_some() || self.is_started
     }
 }
 

@@ -247,7 +247,7 @@ impl StreamArgs {
         source.check()?;
         let name = camera_name(name)?;
         let mount = value(&self.recording.mount.mount);
-        if self.attitude == Some(Text(AttitudeSource::Recording)) && !source.name.properties().is_recording {
+        if self.attitude == Some(Text(AttitudeSource::Recording)) && !source.name.properties().has_attitude {
             anyhow::bail!(BadArguments::new("--attitude recording needs a recording as the --source"));
         }
         let processing = self.processing.config(mount)?;

@@ -205,7 +205,7 @@ fn dependent_default(key: &str, camera: &CameraConfig, config: &Config) -> Optio
     match key {
         "source" => Some("demo".to_owned()),
         "camera" => Some(camera.name.to_string()),
-        "frame-id" => (camera.is_frame_id_chosen || !source.is_ros2).then(|| camera.frame_id.clone()),
+        "frame-id" => (camera.is_frame_id_chosen || !source.states_frame_id).then(|| camera.frame_id.clone()),
         "rate" => source.default_rate.map(str::to_owned),
         "size" => source.default_size.map(str::to_owned),
         "readers" => Some(camera.readers.to_string()),

@@ -363,7 +363,7 @@ fn each_section_is_a_camera_and_shared_keys_apply_to_all() {
     assert_eq!(config.model.path, PathBuf::from("a.onnx"));
     let names: Vec<_> = config.cameras.iter().map(|camera| camera.name.as_str()).collect();
     assert_eq!(names, ["front", "rear"]);
-    assert!(config.cameras[1].source.name.properties().is_shared_memory);
+    assert!(config.cameras[1].source.name.properties().is_published);
     let frames = |camera: &CameraConfig| camera.source.frames.map(std::num::NonZero::get);
     let of_both = |config: &Config| config.cameras.iter().map(frames).collect::<Vec<_>>();
     assert_eq!(of_both(&config), [Some(3), Some(7)]);

@@ -142,9 +142,10 @@ impl SourceConfig {
 
     /// Checks that the kind of source takes these options. Opens nothing.
     pub(crate) fn check(&self) -> anyhow::Result<()> {
-        if self.name.properties().is_shared_memory && (self.rate.is_some() || self.repeat) {
-            let message = "--rate and --loop are for files: a camera in shared memory has its own pace";
-            let hint = "pass them to the publisher of the camera, such as `nunetd feed`";
+        let is_pace_chosen = self.rate.is_some() || self.repeat;
+        if let Some(reason) = self.name.properties().own_pace.filter(|_| is_pace_chosen) {
+            let message = format!("--rate and --loop are for files: {reason}");
+            let hint = "pass them to the publisher of the images, such as `nunetd feed` or `ros2 bag play`";
             anyhow::bail!(BadArguments::new(message).with_hint(hint));
         }
         Ok(self.name.check(&self.open_options())?)

@@ -30,7 +30,7 @@ pub(super) fn open(context: &SinkContext<'_>) -> anyhow::Result<Option<Box<dyn S
         ("self-test", "passed".to_owned()),
     ];
     // The robot that publishes the images publishes the transform of their frame, too.
-    let has_own_frame = config.is_frame_id_chosen || !config.source.name.properties().is_ros2;
+    let has_own_frame = config.is_frame_id_chosen || !config.source.name.properties().states_frame_id;
     let mount = config.mount.filter(|_| has_own_frame).map(Into::into);
     let options = CameraOptions { mount, about: &about, ..context.camera_options(&counts) };
     let sink = node.add_camera(&options);

@@ -31,11 +31,9 @@ pub(crate) struct FeedOptions {
 /// Publishes until the source ends, `--frames` are sent, or a stop is requested.
 pub(crate) fn feed(options: &FeedOptions) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
-    if options.source.name.properties().is_shared_memory {
-        bail!(
-            BadArguments::new("a camera in shared memory needs no feed")
-                .with_hint("name it with --source shm:CAMERA")
-        );
+    if options.source.name.properties().is_published {
+        let hint = "name it with --source shm:CAMERA";
+        bail!(BadArguments::new("a camera in shared memory needs no feed").with_hint(hint));
     }
     let resolver = CameraResolver::new(&options.geometry)?;
     let folders = nunet_engine::model_folders();

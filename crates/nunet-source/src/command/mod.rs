@@ -33,11 +33,13 @@ const EXEC: &str = "exec:";
 const RTSP: [&str; 2] = ["rtsp://", "rtsps://"];
 
 const LIVE: Properties = Properties {
-    is_ros2: false,
     exclusive: None,
-    is_recording: false,
-    is_shared_memory: false,
+    own_pace: None,
     is_started: true,
+    is_on_network: false,
+    is_published: false,
+    states_frame_id: false,
+    has_attitude: false,
     has_topics: false,
     has_settings: false,
     size: SizeUse::None,
