@@ -19,8 +19,11 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+#[cfg(not(all(feature = "ros2", feature = "v4l2")))]
+mod absent;
 mod bit_depth;
 mod camera_file;
+mod camera_report;
 mod camera_resolver;
 mod camera_settings;
 mod command;
@@ -60,8 +63,11 @@ mod source_type;
 #[cfg(feature = "v4l2")]
 mod v4l2;
 
+#[cfg(not(feature = "v4l2"))]
+pub use absent::cameras;
 pub use bit_depth::{BitDepthCheck, DimImages};
 pub use camera_file::CameraFile;
+pub use camera_report::CameraReport;
 pub use camera_resolver::{CameraGeometry, CameraNews, CameraResolver, read_calibration};
 pub use camera_settings::{CameraSetting, CameraSettings};
 pub use continuity::{Continuity, Discontinuity};
@@ -86,4 +92,4 @@ pub use shm::camera_in;
 pub use source::{Fill, OpenOptions, Source, StartingWith, first_frame};
 pub use source_type::{Exclusive, Properties, SizeUse, SourceType};
 #[cfg(feature = "v4l2")]
-pub use v4l2::{CameraReport, cameras};
+pub use v4l2::cameras;

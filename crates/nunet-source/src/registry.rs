@@ -18,8 +18,12 @@ const REGISTRY: &[&dyn SourceType] = &[
     &crate::shm::SharedMemoryCamera,
     #[cfg(feature = "ros2")]
     &crate::ros2::Ros2Topic,
+    #[cfg(not(feature = "ros2"))]
+    &crate::absent::ROS2_TOPICS,
     #[cfg(feature = "v4l2")]
     &crate::v4l2::VideoDevice,
+    #[cfg(not(feature = "v4l2"))]
+    &crate::absent::CAMERAS,
     #[cfg(feature = "mcap")]
     &crate::recording::RecordingFile,
     &crate::files::ImageFiles,

@@ -1,23 +1,14 @@
 //! The cameras of this machine, for reports.
 
-use std::borrow::Cow;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use super::device::{Device, FourCc, Host, Sizes};
-use super::linux::Linux;
 use nunet_types::Hint as _;
 
+use super::device::{Device, FourCc, Host, Sizes};
 use super::fault::CameraFault;
+use super::linux::Linux;
 use super::negotiate::{RequestedMode, choose, is_readable};
-
-/// A camera of this machine.
-#[derive(Debug)]
-pub struct CameraReport {
-    /// Its device.
-    pub path: PathBuf,
-    /// Its formats and sizes, or why they are unknown, with a hint.
-    pub offer: Result<String, (String, Option<Cow<'static, str>>)>,
-}
+use crate::CameraReport;
 
 /// Every camera of this machine. Devices of other kinds, such as a camera's second one for its metadata, are skipped.
 #[must_use]

@@ -24,7 +24,7 @@ use tracing::{debug, info, warn};
 use self::device::{Buffer, Device, Host, Now};
 use self::fault::CameraFault;
 use self::linux::Linux;
-pub use self::list::{CameraReport, cameras};
+pub use self::list::cameras;
 use self::negotiate::{CaptureMode, Coding, RequestedMode, choose, set};
 use crate::convert::{self, RawImageView};
 use crate::error::{SourceError, SourceErrorKind};
