@@ -1,12 +1,12 @@
-//! Allowed dependencies: one folder uses ONNX Runtime, one crate iceoryx2, one the MCAP libraries, and nunet-ipc is a
-//! leaf.
+//! Allowed dependencies: one folder uses ONNX Runtime, one crate iceoryx2, one the MCAP libraries, nunet-ipc is a leaf, and
+//! the Python package uses the daemon's crate for the command `nunetd` only.
 
 use crate::assert_none;
 use crate::repository;
 use crate::rust_source::paths;
 
 /// A crate's name in code, and the only folders whose files may use it.
-const HOMES: [(&str, &[&str]); 7] = [
+const HOMES: [(&str, &[&str]); 8] = [
     ("ort", &["crates/nunet-core/src/graph/onnx"]),
     ("iceoryx2", &["crates/nunet-ipc/"]),
     ("mcap", &["crates/nunet-mcap/"]),
@@ -14,6 +14,15 @@ const HOMES: [(&str, &[&str]); 7] = [
     ("dust_dds", &["crates/nunet-ros2-link/src/dds/"]),
     ("zenoh", &["crates/nunet-ros2-link/src/zenoh/"]),
     ("zenoh_ext", &["crates/nunet-ros2-link/src/zenoh/"]),
+    (
+        "nunet_daemon",
+        &[
+            "crates/nunet-daemon/",
+            "crates/nunet-py/src/command.rs",
+            "examples/manual.rs",
+            "fuzz/src/daemon.rs",
+        ],
+    ),
 ];
 
 /// A crate's manifest, and what it must not depend on.
@@ -158,6 +167,14 @@ fn a_use_of_ort_elsewhere_is_found() {
     let found = forbidden_paths("crates/nunet-core/src/pipeline.rs", text);
     assert_eq!(found.len(), 2, "{found:?}");
     assert!(forbidden_paths("crates/nunet-core/src/graph/onnx/session.rs", text).is_empty());
+}
+
+#[test]
+fn in_the_python_package_only_the_command_uses_the_daemon() {
+    let text = "use nunet_daemon::{embed, source::Rotation};\nfn f() { nunet_daemon::exit_code([]) }";
+    let found = forbidden_paths("crates/nunet-py/src/image.rs", text);
+    assert_eq!(found.len(), 3, "{found:?}");
+    assert!(forbidden_paths("crates/nunet-py/src/command.rs", text).is_empty());
 }
 
 #[test]

@@ -94,6 +94,24 @@ fn every_error_with_hints_is_listed_where_hints_are_printed() {
     assert_none(&unlisted_types("a.rs", &(error.to_owned() + "\nimpl Hint for F {"), list));
 }
 
+/// The crates whose errors become exceptions of the Python package.
+const BEHIND_PYTHON: [&str; 4] = ["nunet-engine", "nunet-files", "nunet-ipc", "nunet-source"];
+
+#[test]
+fn every_error_with_hints_behind_the_python_package_is_listed_there() {
+    let list = repository::texts(|path| path == "crates/nunet-py/src/error.rs").remove(0).1;
+    assert!(list.contains("nunet_core::hint_of,"), "the list of nunet-core");
+    let is_behind =
+        |path: &str| BEHIND_PYTHON.iter().any(|name| path.starts_with(&format!("crates/{name}/")));
+    let sources = repository::texts(|path| is_behind(path) && path.ends_with(".rs") && !is_test_file(path));
+    let unlisted = |(path, text): &(String, String)| unlisted_types(path, text, &list);
+    assert_none(&sources.iter().flat_map(unlisted).collect::<Vec<_>>());
+    assert_eq!(
+        unlisted_types("a.rs", "\nimpl Hint for SourceError {", &list.replace("SourceError", "E")).len(),
+        1
+    );
+}
+
 #[test]
 fn no_message_contains_its_hint() {
     let mut sources = repository::texts(|path| path.ends_with(".rs") || path.ends_with(".py"));

@@ -53,7 +53,6 @@ const DAEMON: Order = Order {
         "sink",
         "stream",
         "subcommands",
-        "embed",
         // Last: the command line makes the configuration that all others take, and only the crate's root calls it.
         "cli",
     ],
@@ -166,7 +165,7 @@ impl Order {
         problems
     }
 
-    /// Types that the daemon's root re-exports for its callers.
+    /// Names in the daemon's root that are not modules of it.
     fn is_at_the_root(&self, name: &str) -> bool {
         self.folder == DAEMON.folder && ["Outcome", "source"].contains(&name)
     }

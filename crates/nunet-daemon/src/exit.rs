@@ -16,7 +16,7 @@ use nunet_sink::file_writer::FilesLate;
 pub use nunet_sink::sink::Outcome;
 use nunet_sink::stdout::StdoutError;
 use nunet_source::{CameraNews, SourceError, SourceErrorKind};
-use nunet_types::{CAUSE_MARK, Hint, printable, split_hint};
+use nunet_types::{ErrorReport, Hint, HintOf, flag_hint, hint_of, printable, split_hint};
 use tracing::warn;
 
 /// An error of the arguments: exit code 2 instead of 1.
@@ -110,7 +110,6 @@ impl Hint for WithHint {
 
 /// One link of a chain of causes.
 type DynError = dyn StdError + 'static;
-type HintOf = fn(&DynError) -> Option<Cow<'static, str>>;
 
 /// The error types that can give hints. A library's new error type that implements [`Hint`] needs its line here.
 const HINTS: &[HintOf] = &[
@@ -130,19 +129,6 @@ const HINTS: &[HintOf] = &[
     hint_of::<FoxgloveServerError>,
     hint_of::<nunet_mcap::RecordingError>,
 ];
-
-fn hint_of<E: StdError + Hint + 'static>(cause: &DynError) -> Option<Cow<'static, str>> {
-    flag_hint(cause.downcast_ref::<E>()?)
-}
-
-/// A library's hint, completed by the flag of the setting that it is about.
-fn flag_hint(error: &impl Hint) -> Option<Cow<'static, str>> {
-    let hint = error.hint()?;
-    Some(match error.setting() {
-        Some(setting) => format!("{hint} (--{setting})").into(),
-        None => hint,
-    })
-}
 
 /// A camera's name as the user wrote it.
 pub(crate) fn camera_name(name: &str) -> Result<CameraName, BadArguments> {
@@ -176,8 +162,7 @@ const LOST: u8 = 3;
 
 /// Logs a mistake on the command line, as one JSON object, and returns the exit code.
 pub(crate) fn log_bad_arguments(text: &str, hint: Option<String>) -> u8 {
-    let report = FailureReport { causes: vec![without_empty_lines(text)], hints: hint.into_iter().collect() };
-    log_as_json(&report, BAD_ARGUMENTS);
+    log_as_json(&ErrorReport::of_text(text, hint), BAD_ARGUMENTS);
     BAD_ARGUMENTS
 }
 
@@ -193,7 +178,7 @@ pub(crate) fn from_result(result: anyhow::Result<Outcome>, is_json: bool) -> u8 
             }
             let code = if is_usage(&error) { BAD_ARGUMENTS } else { FAILURE };
             if is_json {
-                log_as_json(&FailureReport::of(&error), code);
+                log_as_json(&report_of(&error), code);
             } else {
                 print_chain(&error);
             }
@@ -237,57 +222,27 @@ fn print_chain(error: &anyhow::Error) {
 }
 
 /// One JSON object among the other log lines, with the time and level that they have.
-fn log_as_json(report: &FailureReport, exit_code: u8) {
-    let FailureReport { causes, hints } = report;
+fn log_as_json(report: &ErrorReport, exit_code: u8) {
+    let ErrorReport { causes, hints } = report;
     let (message, because) =
         causes.split_first().map_or(("", &[][..]), |(first, rest)| (first.as_str(), rest));
     let (because, hint) = (because.join(": "), hints.join("; "));
     tracing::error!(because, hint, exit_code, "{message}");
 }
 
-/// A failure, split into what is printed.
-struct FailureReport {
-    /// The error, then what caused it.
-    causes: Vec<String>,
-    hints: Vec<String>,
-}
-
-impl FailureReport {
-    fn of(error: &anyhow::Error) -> Self {
-        let (mut causes, mut hints) = (Vec::new(), Vec::new());
-        let mut previous = String::new();
-        for cause in error.chain() {
-            let text = cause.to_string();
-            // Some libraries repeat their cause within their own message.
-            if causes.is_empty() || !previous.contains(text.trim()) {
-                causes.push(without_empty_lines(&printable::message(&text)));
-            }
-            let hint = HINTS.iter().find_map(|hint| hint(cause));
-            hints.extend(hint.map(|hint| printable::message(&hint).into_owned()));
-            previous = text;
-        }
-        Self { causes, hints }
-    }
+fn report_of(error: &anyhow::Error) -> ErrorReport {
+    ErrorReport::of(error.as_ref(), HINTS)
 }
 
 /// The error and its causes, one per line, and the hints.
 pub(crate) fn message_and_hints(error: &anyhow::Error) -> (String, Vec<String>) {
-    let FailureReport { causes, hints } = FailureReport::of(error);
-    (causes.join(CAUSE_MARK), hints)
+    let report = report_of(error);
+    (report.message(), report.hints)
 }
 
 /// One line per cause, then the hints.
 pub(crate) fn chain_text(error: &anyhow::Error) -> String {
-    let (message, hints) = message_and_hints(error);
-    let mut text = format!("error: {message}\n");
-    for hint in hints {
-        text += &format!("hint: {hint}\n");
-    }
-    text
-}
-
-fn without_empty_lines(text: &str) -> String {
-    text.lines().map(str::trim_end).filter(|line| !line.is_empty()).collect::<Vec<_>>().join("\n")
+    format!("error: {}\n", report_of(error).text())
 }
 
 #[cfg(test)]

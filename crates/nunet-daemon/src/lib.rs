@@ -6,7 +6,6 @@
 
 pub mod cli;
 pub mod config;
-pub mod embed;
 mod exit;
 mod logging;
 pub mod sink;
@@ -19,7 +18,7 @@ use std::io::Write as _;
 use std::process::ExitCode;
 
 pub use exit::Outcome;
-pub use nunet_source as source;
+use nunet_source as source;
 
 /// Runs the command line `arguments` (the program's name first) and returns its exit code.
 ///

@@ -269,6 +269,13 @@ impl EngineErrorKind {
         let missing = |error: &io::Error| error.kind() == io::ErrorKind::NotFound;
         error.downcast_ref().is_some_and(missing).then_some(Self::NotFound)
     }
+
+    /// The kind of an error with its causes: that of the innermost one that has a kind, whatever context it has.
+    #[must_use]
+    pub fn of_chain(error: &(dyn StdError + 'static)) -> Option<Self> {
+        let chain = std::iter::successors(Some(error), |&error| error.source());
+        chain.filter_map(Self::of).last()
+    }
 }
 
 #[cfg(test)]
@@ -295,5 +302,21 @@ mod tests {
         }
         let denied = io::Error::from(io::ErrorKind::PermissionDenied);
         assert_eq!(EngineErrorKind::of(&denied), None);
+    }
+
+    #[test]
+    fn the_innermost_cause_with_a_kind_decides() {
+        let camera = CameraError::Size { width: 0, height: 0 };
+        let tested = EngineError::SelfTest { path: "m.onnx".into(), source: camera.into() };
+        let read = |kind: io::ErrorKind| EngineError::system("cannot read `m.onnx`")(kind.into());
+        for (error, own, of_chain) in [
+            (tested, EngineErrorKind::Model, EngineErrorKind::Camera),
+            (read(io::ErrorKind::NotFound), EngineErrorKind::Other, EngineErrorKind::NotFound),
+            (read(io::ErrorKind::PermissionDenied), EngineErrorKind::Other, EngineErrorKind::Other),
+        ] {
+            assert_eq!(EngineErrorKind::of(&error), Some(own), "{error}");
+            assert_eq!(EngineErrorKind::of_chain(&error), Some(of_chain), "{error}");
+        }
+        assert_eq!(EngineErrorKind::of_chain(&io::Error::other("the disk is full")), None);
     }
 }

@@ -6,8 +6,8 @@
 
 use std::path::PathBuf;
 
-use nunet_daemon::source::Rotation;
 use nunet_ipc::FrameHeader;
+use nunet_source::Rotation;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 

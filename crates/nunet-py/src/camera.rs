@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use numpy::PyArray2;
 use nunet_core::camera::{self, CalibratedScale, Distortion, Intrinsics, check_scale_factor};
-use nunet_daemon::embed;
+use nunet_source::read_calibration;
 use nunet_types::{ImageSize, shortest};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -104,7 +104,7 @@ impl PyCamera {
         _class: &Bound<'_, PyType>,
         #[pyo3(from_py_with = argument::path)] path: PathBuf,
     ) -> PyResult<Self> {
-        let found = embed::read_calibration(&path).map_err(|error| failure(&error))?;
+        let found = read_calibration(&path).map_err(|error| failure(&error.into()))?;
         Ok(Self(found.camera(), found.scale()))
     }
 

@@ -1,12 +1,15 @@
 //! Exceptions, their hints, and which exception an error becomes.
 
+use std::error::Error;
 use std::ffi::CString;
 use std::fmt::Display;
 
 use nunet_core::camera::CameraError;
-use nunet_daemon::embed;
-use nunet_engine::EngineErrorKind;
-use nunet_types::{join_hint, printable, split_hint};
+use nunet_engine::{EngineError, EngineErrorKind};
+use nunet_files::FilesError;
+use nunet_ipc::{CameraNameError, IpcError};
+use nunet_source::{SourceError, SourceErrorKind};
+use nunet_types::{ErrorReport, HintOf, hint_of, join_hint, printable, split_hint};
 use pyo3::PyTypeInfo;
 use pyo3::exceptions::{PyFileNotFoundError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
@@ -16,6 +19,16 @@ pub(crate) use self::exceptions::{ContractVersionError, ModelError, NunetError, 
 
 /// The attribute that holds the hint of an exception.
 const ATTRIBUTE: &str = "hint";
+
+/// The error types of nunet's Rust code that can give hints. A new one that implements `Hint` needs its line here.
+const HINTS: &[HintOf] = &[
+    nunet_core::hint_of,
+    hint_of::<EngineError>,
+    hint_of::<FilesError>,
+    hint_of::<IpcError>,
+    hint_of::<CameraNameError>,
+    hint_of::<SourceError>,
+];
 
 /// The classes as Python sees them. `CameraError` has the name of the Rust error that it is made from.
 mod exceptions {
@@ -80,13 +93,28 @@ pub(crate) fn exception<E: PyTypeInfo>(message: String) -> PyErr {
 
 /// The exception for an error of nunet's Rust code.
 pub(crate) fn failure(error: &anyhow::Error) -> PyErr {
-    raise(embed::error_kind(error), embed::message(error))
+    raise(kind_of(error), message(error.as_ref()))
+}
+
+/// The text of an error as `nunetd` prints it: one line per cause, then the hints.
+pub(crate) fn message(error: &(dyn Error + 'static)) -> String {
+    ErrorReport::of(error, HINTS).text()
+}
+
+/// The kind of an error, which selects the exception.
+fn kind_of(error: &anyhow::Error) -> EngineErrorKind {
+    let is_bad_argument = |cause: &(dyn Error + 'static)| {
+        let source = cause.downcast_ref::<SourceError>();
+        source.is_some_and(|error| error.kind() == SourceErrorKind::BadArguments)
+    };
+    let argument = || error.chain().any(is_bad_argument).then_some(EngineErrorKind::Argument);
+    EngineErrorKind::of_chain(error.as_ref()).or_else(argument).unwrap_or(EngineErrorKind::Other)
 }
 
 /// The exception for invalid intrinsics or distortion coefficients.
 pub(crate) fn of_camera(error: CameraError) -> PyErr {
     let hint = "intrinsics and size are in pixels, as a calibration gives them";
-    raise(EngineErrorKind::Camera, with_hint(embed::message(&error.into()), hint))
+    raise(EngineErrorKind::Camera, with_hint(message(&error), hint))
 }
 
 /// The message with this hint if it has none.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use numpy::{Ix3, PyReadonlyArray3, PyUntypedArray, PyUntypedArrayMethods as _};
 use nunet_core::frame::{ImageView, PixelFormat};
-use nunet_daemon::embed::{self, ReadImage};
+use nunet_source::{ReadImage, read_image};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::intern;
 use pyo3::prelude::*;
@@ -76,8 +76,8 @@ impl<'py> ImageArgument<'py> {
     }
 
     fn open(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let read = py.detach(move || embed::read_image(&path));
-        read.map(Self::File).map_err(|error| failure(&error))
+        let read = py.detach(move || read_image(&path));
+        read.map(Self::File).map_err(|error| failure(&error.into()))
     }
 
     fn array(name: &str, object: &Bound<'py, PyAny>, order: ColorOrder) -> PyResult<Self> {

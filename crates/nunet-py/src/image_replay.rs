@@ -3,10 +3,8 @@
 use std::path::Path;
 
 use nunet_core::camera::{CalibratedScale, Camera, CameraError};
-use nunet_daemon::source::{
-    Continuity, Fill, Frame, OpenOptions, RecordingSource, Rotated, Rotation, Source as _,
-};
 use nunet_engine::{Inferred, Model};
+use nunet_source::{Continuity, Fill, Frame, OpenOptions, RecordingSource, Rotated, Rotation, Source as _};
 
 /// A recording, read from its beginning.
 pub(crate) struct ImageReplay {

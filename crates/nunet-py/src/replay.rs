@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
-use nunet_daemon::source::Rotation;
+use nunet_source::Rotation;
 use pyo3::prelude::*;
 
 use crate::argument;

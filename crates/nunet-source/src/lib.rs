@@ -46,6 +46,7 @@ mod notify;
 mod orientation;
 mod pipe;
 mod rate;
+mod read_image;
 #[cfg(feature = "mcap")]
 mod recorded_image;
 #[cfg(feature = "mcap")]
@@ -81,6 +82,7 @@ pub use mailbox::{Mailbox, Put, Reuse, Taken};
 pub use notify::Notify;
 pub use pipe::open_pipe;
 pub use rate::{Pacer, Rate};
+pub use read_image::{ReadImage, read_image};
 #[cfg(feature = "mcap")]
 pub use recording::{RecordingSource, from_recording_error};
 pub use registry::SourceName;

@@ -10,6 +10,7 @@
 //! | [`Topic`], [`Encoding`], [`Clock`], [`Wake`] | the properties of a shared-memory message |
 //! | [`layout`], [`contract_struct!`] | structs whose byte layout is fixed, with a table of their fields |
 //! | [`Hint`], [`TypesErrorKind`] | what a user can do about an error; the kinds of this crate's errors |
+//! | [`ErrorReport`] | an error with its causes and hints, as front ends print it |
 //! | [`is_host_and_port`] | whether a text is an address on a network |
 //! | [`shortest()`] | a number that prints as it was written |
 //! | [`counted()`] | a count with its noun in the singular or plural |
@@ -42,6 +43,7 @@ mod contract;
 mod counted;
 mod depth;
 mod error_kind;
+mod error_report;
 mod hint;
 mod host_port;
 mod image_size;
@@ -62,6 +64,7 @@ pub use contract::CONTRACT_VERSION;
 pub use counted::counted;
 pub use depth::{Quality, ScaleSource, Units};
 pub use error_kind::TypesErrorKind;
+pub use error_report::{ErrorReport, HintOf, flag_hint, hint_of};
 pub use hint::{CAUSE_MARK, Hint, hint_of_listen, join_hint, split_hint, text_with_causes, text_with_hint};
 pub use host_port::is_host_and_port;
 pub use image_size::{ImageSize, ImageSizeError, MAX_SIDE_PX};

@@ -5,13 +5,12 @@ use std::num::NonZeroUsize;
 use nunet_core::filter::{FilterError, FilterOptions, FilterSpec};
 use nunet_core::framing::AspectMode;
 use nunet_core::graph::Provider;
-use nunet_daemon::embed;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyString;
 
 use crate::argument::shown;
-use crate::error::{exception, hinted};
+use crate::error::{exception, hinted, message};
 
 /// The execution provider by its name.
 pub(super) fn provider(name: &str) -> PyResult<Provider> {
@@ -56,7 +55,7 @@ pub(super) fn filters(given: &Bound<'_, PyAny>) -> PyResult<Vec<FilterSpec>> {
             )
         })?
     };
-    let refused = |error: FilterError| exception::<PyValueError>(embed::message(&error.into()));
+    let refused = |error: FilterError| exception::<PyValueError>(message(&error));
     let filters: Vec<FilterSpec> =
         words.iter().map(|word| word.parse()).collect::<Result<_, _>>().map_err(refused)?;
     FilterOptions::new(&filters).map_err(refused)?;

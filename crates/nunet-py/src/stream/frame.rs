@@ -1,7 +1,7 @@
 //! One frame: its topics, joined by sequence number.
 
-use nunet_daemon::embed;
 use nunet_ipc::{CloudPoint, Encoding, ObstacleRecord, Topic, monotonic_nanos, unix_nanos};
+use nunet_source::camera_in;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
@@ -246,9 +246,8 @@ impl PyFrame {
     /// The camera at the size of `header`; `None` if it is unknown.
     #[getter]
     fn camera(&self) -> PyResult<Option<PyCamera>> {
-        Ok(embed::camera_of(self.lead()?)
-            .map_err(|error| failure(&error))?
-            .map(|camera| PyCamera(camera, None)))
+        let camera = camera_in(self.lead()?).map_err(|error| failure(&error.into()))?;
+        Ok(camera.map(|camera| PyCamera(camera, None)))
     }
 
     /// The subscribed topics.
