@@ -193,7 +193,26 @@ pub fn check_folder() -> Result<String, IpcError> {
     })
 }
 
-/// iceoryx2's folder, if it is there and this user may use it. Cheap enough for a loop that waits: it reads no list of groups.
+/// Checks that this user may use iceoryx2's folder, if it is there. For a loop that waits: it makes one system call, unless
+/// there is something to report.
+///
+/// # Errors
+/// Those of [`usable_folder`].
+pub(crate) fn check_usable() -> Result<(), IpcError> {
+    // With a slash at the end, so that a file at its place is an error too.
+    match ask_for_folder(&root().join("")) {
+        Ok(()) | Err(Errno::NOENT) => Ok(()),
+        Err(_) => usable_folder().map(drop),
+    }
+}
+
+/// Asks the system whether this user may list a folder, enter it and create files in it.
+fn ask_for_folder(folder: &Path) -> Result<(), Errno> {
+    let asked = Asked::READ_OK | Asked::WRITE_OK | Asked::EXEC_OK;
+    rustix::fs::accessat(CWD, folder, asked, AtFlags::EACCESS)
+}
+
+/// iceoryx2's folder, if it is there and this user may use it.
 ///
 /// # Errors
 /// [`IpcError::NoAccess`], [`IpcError::FolderClosed`].
@@ -204,8 +223,7 @@ pub(crate) fn usable_folder() -> Result<Option<Metadata>, IpcError> {
     if !found.is_dir() {
         return Err(IpcError::Root { root: folder, reason: "it is not a folder" });
     }
-    let asked = Asked::READ_OK | Asked::WRITE_OK | Asked::EXEC_OK;
-    let access = rustix::fs::accessat(CWD, &folder, asked, AtFlags::EACCESS);
+    let access = ask_for_folder(&folder);
     if access == Err(Errno::ROFS) {
         return Err(IpcError::Root { root: folder, reason: "its file system is read-only" });
     }

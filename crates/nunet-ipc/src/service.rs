@@ -12,7 +12,7 @@ use nunet_types::Topic;
 
 use crate::contract::{Block64, FrameHeader};
 use crate::error::IpcError;
-use crate::iceoryx::{Iceoryx, check_contract, config, contract_attribute, record_of, service_name};
+use crate::iceoryx::{Iceoryx, check_contract, config, contract_attribute, service_name};
 use crate::name::CameraName;
 use crate::process::Process;
 
@@ -77,12 +77,9 @@ pub(crate) fn refuse_other_contract(name: &str, pattern: MessagingPattern) -> Re
     }
 }
 
-/// Whether a service exists with all its parts and may be read. It only checks files, so it is cheap to
-/// repeat: if there is no service, it makes one system call.
+/// Whether a service exists with all its parts and may be read. It only checks files. To wait for a service, check first
+/// whether there is a file at [`record_of`](crate::iceoryx::record_of), which takes one system call.
 pub(crate) fn is_complete(name: &str, pattern: MessagingPattern) -> Result<bool, IpcError> {
-    if !record_of(name, pattern)?.exists() {
-        return Ok(false);
-    }
     match Iceoryx::details(&service_name(name)?, config(), pattern) {
         Ok(Some(details)) => {
             check_contract(name, details.static_details.attributes())?;

@@ -17,7 +17,7 @@ use crate::source::Fused;
 use crate::source_type::{Properties, SourceType};
 use crate::{CaptureTime, Fill, Frame, OpenOptions, Pixels, Source};
 
-/// How long one call may wait, so that a stop is noticed.
+/// How long one call may wait, so that a stop is noticed. Also how often it looks for a publisher that does not exist.
 const POLL_TIMEOUT: Duration = Duration::from_millis(100);
 /// Another process publishes frames in shared memory under a camera's name.
 pub(crate) struct SharedMemoryCamera;
@@ -83,24 +83,26 @@ impl SharedMemory {
     /// Another contract version is final; everything else may change while we wait.
     fn connect(&mut self) -> Result<Option<&Reader>, IpcError> {
         if self.reader.is_none() {
-            match Reader::open(&self.camera, &[Topic::Rgb], POLL_TIMEOUT) {
+            // Only the first attempt waits: each wait begins with short periods, which cost processor time.
+            let timeout = if self.silence.is_waiting() { Duration::ZERO } else { POLL_TIMEOUT };
+            match Reader::open(&self.camera, &[Topic::Rgb], timeout) {
                 Ok(reader) => {
                     info!("connected to camera `{}`", self.camera);
                     self.reader = Some(reader);
                     self.silence.begins(Instant::now());
                 }
-                Err(IpcError::NobodyPublishes { .. }) => self.remind("it does not exist yet"),
+                Err(IpcError::NobodyPublishes { .. }) => self.reconnect("it does not exist yet"),
                 Err(error @ IpcError::ContractVersion { .. }) => return Err(error),
-                Err(error) => self.reconnect(&error),
+                Err(error) => self.reconnect(&error.to_string()),
             }
         }
         Ok(self.reader.as_ref())
     }
 
-    /// Drops a connection that failed; it does not recover by itself. No frame is lost by it.
-    fn reconnect(&mut self, error: &IpcError) {
+    /// Drops a connection that failed; it does not recover by itself. No frame is lost by it. The next attempt is later.
+    fn reconnect(&mut self, reason: &str) {
         self.reader = None;
-        self.remind(&error.to_string());
+        self.remind(reason);
         std::thread::sleep(POLL_TIMEOUT);
     }
 
@@ -177,7 +179,7 @@ impl Source for SharedMemory {
                 SourceError::bad_frame("a message in shared memory is damaged").with_cause(error),
             ),
             Err(error) => {
-                self.reconnect(&error);
+                self.reconnect(&error.to_string());
                 Fill::Nothing
             }
         }

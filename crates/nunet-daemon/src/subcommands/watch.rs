@@ -16,6 +16,8 @@ use nunet_sink::watch_text::{BesideDepth, json_of, line_of, screen_of};
 
 /// The longest single wait, so that a stop is handled in time.
 const GLANCE: Duration = Duration::from_millis(100);
+/// What every output reads.
+const TOPICS: [Topic; 2] = [Topic::Depth, Topic::Stats];
 /// How long the first frame waits for the stats, which arrive with the next frame or when a late reader is served.
 const FIRST_STATS: Duration = Duration::from_millis(500);
 /// How often it checks for them.
@@ -49,21 +51,14 @@ pub(crate) fn watch(
     Ok(Outcome::Done)
 }
 
-/// Waits for the camera in short steps; `None` if a stop was requested.
+/// Waits for the camera; `None` if a stop was requested.
 fn open(camera: &CameraName, out: &Output, timeout: Duration, stop: &Stop) -> anyhow::Result<Option<Reader>> {
-    let start = Instant::now();
-    while !stop.requested() {
-        let turn = GLANCE.min(timeout.saturating_sub(start.elapsed()));
-        match Reader::open(camera, &out.topics(camera), turn) {
-            Ok(reader) => return Ok(Some(reader)),
-            Err(IpcError::NobodyPublishes { .. }) if start.elapsed() < timeout => {}
-            Err(IpcError::NobodyPublishes { service, .. }) => {
-                return Err(nobody(camera, IpcError::NobodyPublishes { service, timeout }));
-            }
-            Err(error) => return Err(error.into()),
-        }
+    match Reader::open_unless(camera, &TOPICS, timeout, || stop.requested()) {
+        Ok(reader) => out.with_more_topics(reader).map(Some),
+        Err(IpcError::NobodyPublishes { .. }) if stop.requested() => Ok(None),
+        Err(error @ IpcError::NobodyPublishes { .. }) => Err(nobody(camera, error)),
+        Err(error) => Err(error.into()),
     }
-    Ok(None)
 }
 
 /// The error for a camera that is not published; lists the published ones, the most similar name first.
@@ -158,16 +153,17 @@ impl Output {
         }
     }
 
-    /// The topics to read. A terminal shows confidence and obstacles, which nunetd computes only for readers.
-    fn topics(&self, camera: &CameraName) -> Vec<Topic> {
-        let mut topics = vec![Topic::Depth, Topic::Stats];
-        if matches!(self, Self::Screen { .. }) {
-            let is_published = |topic| cameras::list(topic).is_ok_and(|all| all.contains(camera));
-            topics.extend(
-                [Topic::Confidence, Topic::Obstacles].into_iter().filter(|topic| is_published(*topic)),
-            );
+    /// A terminal also shows confidence and obstacles, which nunetd computes only for readers.
+    fn with_more_topics(&self, reader: Reader) -> anyhow::Result<Reader> {
+        let camera = reader.camera().clone();
+        let is_published = |topic| cameras::list(topic).is_ok_and(|all| all.contains(&camera));
+        let is_shown = |topic: &Topic| matches!(self, Self::Screen { .. }) && is_published(*topic);
+        let more: Vec<_> = [Topic::Confidence, Topic::Obstacles].into_iter().filter(is_shown).collect();
+        if more.is_empty() {
+            return Ok(reader);
         }
-        topics
+        drop(reader); // first: the camera may have no place for a second one
+        Ok(Reader::open(&camera, &[TOPICS.as_slice(), &more].concat(), GLANCE)?)
     }
 
     fn show(&mut self, camera: &CameraName, frame: &Message, watcher: &Watcher) -> anyhow::Result<()> {

@@ -2,7 +2,8 @@
 //!
 //! A program often waits for hours for a camera that is switched off, and many do so by opening again and again with a
 //! short timeout. So waiting only looks at files: no node of iceoryx2 is created before every service is there, because a
-//! node writes and syncs several files each time.
+//! node writes and syncs several files each time. One look is two system calls. A wait for a change of the folder
+//! (inotify) would need none, but every service of every other camera wakes it, and the folder may not exist yet.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -17,14 +18,15 @@ use nunet_types::Topic;
 use super::{ReadTopic, Reader};
 use crate::access;
 use crate::error::IpcError;
-use crate::iceoryx::{Iceoryx, check_root};
+use crate::iceoryx::{Iceoryx, check_root, record_of};
 use crate::name::CameraName;
 use crate::recovery::create_node;
 use crate::service::{TopicService, is_complete, open_topic, open_wake};
 
-/// How soon to look again for a service that is not there yet, at first and at most.
+/// How soon to look again for a service that is not there yet, at first and at most. The longest period is the most that
+/// the first frame of a publisher is delayed.
 const FIRST_PERIOD: Duration = Duration::from_millis(10);
-const LONGEST_PERIOD: Duration = Duration::from_millis(50);
+const LONGEST_PERIOD: Duration = Duration::from_millis(200);
 
 impl Reader {
     /// Opens topics of a camera. Waits for its publisher until the timeout.
@@ -36,7 +38,7 @@ impl Reader {
     }
 
     /// As [`open`](Self::open), but stops waiting when `interrupted` returns true. It is called before each new attempt,
-    /// at most 50 ms apart.
+    /// at most 200 ms apart.
     ///
     /// # Errors
     /// Those of [`open`](Self::open); [`IpcError::NobodyPublishes`] also when it was interrupted.
@@ -116,16 +118,19 @@ struct Waiting<'a> {
 impl Waiting<'_> {
     /// Waits until all services of a reader are there, without a node.
     fn for_services(&mut self, camera: &CameraName, topics: &[Topic]) -> Result<(), IpcError> {
-        let there = |name: &str, pattern| {
-            access::usable_folder()?; // another user's folder looks empty
-            Ok(is_complete(name, pattern)?.then_some(()))
-        };
         for &topic in topics {
-            let name = camera.service(topic);
-            self.until(&name, || there(&name, MessagingPattern::PublishSubscribe))?;
+            self.for_service(&camera.service(topic), MessagingPattern::PublishSubscribe)?;
         }
-        let name = camera.wake_service();
-        self.until(&name, || there(&name, MessagingPattern::Event))
+        self.for_service(&camera.wake_service(), MessagingPattern::Event)
+    }
+
+    fn for_service(&mut self, name: &str, pattern: MessagingPattern) -> Result<(), IpcError> {
+        let record = record_of(name, pattern)?;
+        self.until(name, || {
+            access::check_usable()?; // another user's folder looks empty
+            let is_there = record.exists() && is_complete(name, pattern)?;
+            Ok(is_there.then_some(()))
+        })
     }
 
     /// Attempts until there is a result, the time is over, or the caller stops waiting; attempts at least once.
@@ -144,7 +149,24 @@ impl Waiting<'_> {
                 return Err(IpcError::NobodyPublishes { service: service.to_owned(), timeout: self.timeout });
             }
             std::thread::sleep(period.min(left));
-            period = (period * 2).min(LONGEST_PERIOD);
+            period = period_after(period);
         }
+    }
+}
+
+fn period_after(period: Duration) -> Duration {
+    (period * 2).min(LONGEST_PERIOD)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_wait_looks_at_most_five_times_per_second_and_never_rests_longer_than_200_ms() {
+        let periods = std::iter::successors(Some(FIRST_PERIOD), |&period| Some(period_after(period)));
+        let first: Vec<_> = periods.take(60).collect();
+        assert!(first.iter().sum::<Duration>() >= Duration::from_secs(10), "{first:?}");
+        assert_eq!(first.iter().max(), Some(&Duration::from_millis(200)));
     }
 }
