@@ -9,8 +9,9 @@ import subprocess
 
 import pytest
 
-# Before any test imports onnxruntime itself.
-os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
+# Before any test imports onnxruntime itself. Only 0 allows telemetry; ONNX Runtime treats an empty value as 0.
+if os.environ.get("ORT_DISABLE_TELEMETRY") != "0":
+    os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 
 COUNTER = itertools.count()
 MODEL = pathlib.Path(__file__).parents[2] / "models" / "tiny" / "tiny_wnet_c.onnx"

@@ -111,6 +111,14 @@ def test_importing_the_package_imports_nothing_large():
     assert done.stdout == "[]\n"
 
 
+def test_telemetry_is_off_after_the_import_unless_the_user_allows_it():
+    code = "import os, nunet_py; print(os.environ['ORT_DISABLE_TELEMETRY'])"
+    for given, expected in [("", "1"), ("yes", "1"), ("1", "1"), ("0", "0")]:
+        environment = os.environ | {"ORT_DISABLE_TELEMETRY": given}
+        done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True, env=environment)
+        assert done.stdout == f"{expected}\n", given
+
+
 def checked(*command):
     environment = os.environ | {"MYPYPATH": ""}
     done = subprocess.run(
