@@ -5,6 +5,7 @@ mod access;
 mod aspect;
 mod bad_input;
 mod calibrate;
+mod cases;
 mod command_line;
 mod confidence;
 mod doctor;

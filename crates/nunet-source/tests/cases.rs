@@ -2,9 +2,10 @@
 #![cfg(feature = "mcap")]
 #![expect(clippy::unwrap_used, reason = "a test may stop at the first thing that is wrong")]
 
-use nunet_core::camera::Distortion;
+use nunet_core::camera::{Distortion, KannalaBrandt};
 use nunet_source::{Fill, Frame, OpenOptions, SourceName};
 use nunet_testkit::cases;
+use nunet_types::{ImageSize, PixelFormat};
 
 /// Every frame of a case: its first pixel's channels and its camera.
 fn frames(name: &str) -> Vec<Result<Frame, String>> {
@@ -46,10 +47,21 @@ fn the_camera_is_rotated_with_its_image() {
     assert_eq!((camera.intrinsics.cx_px, camera.intrinsics.cy_px), (43.0, 32.0));
 }
 
+/// What follows for depth in meters is tested with `nunetd`.
 #[test]
 fn a_fifth_coefficient_of_zero_is_ignored() {
-    let camera = first("camera_info_coefficients/cam_t265_equi5.mcap").camera.unwrap();
-    assert!(matches!(camera.distortion, Distortion::KannalaBrandt(_)));
+    let lens = Distortion::KannalaBrandt(KannalaBrandt::new(&[-0.01, 0.04, -0.03, 0.006]).unwrap());
+    for (name, expected) in [
+        ("cam_t265_equi5", [50.0, 51.0, 31.5, 24.5]),
+        ("t265_4", [216.0, 216.0, 320.0, 240.0]),
+        ("t265_5", [216.0, 216.0, 320.0, 240.0]),
+    ] {
+        let camera = first(&format!("camera_info_coefficients/{name}.mcap")).camera.unwrap();
+        let intrinsics = camera.intrinsics;
+        let numbers = [intrinsics.fx_px, intrinsics.fy_px, intrinsics.cx_px, intrinsics.cy_px];
+        assert_eq!(numbers, expected, "{name}");
+        assert_eq!(camera.distortion, lens, "{name}");
+    }
 }
 
 #[test]
@@ -59,17 +71,45 @@ fn a_skew_follows_the_same_rule_in_a_recording_as_in_a_file() {
     assert_eq!(camera.intrinsics.fx_px, 50.0);
 }
 
+/// Each recording has one image of each topic. Depth has other numbers than these.
 #[test]
 fn color_is_chosen_beside_depth() {
-    for name in ["depth_counts_as_colour/ch_aligned.mcap", "compressed_depth_eval/rgbd_compressed.mcap"] {
+    for (name, size, color) in [
+        ("depth_counts_as_colour/ch_aligned.mcap", ImageSize::new(6, 4), [90; 3]),
+        ("compressed_depth_eval/rgbd_compressed.mcap", ImageSize::new(64, 48), CORNER),
+    ] {
         let all = frames(name);
-        assert!(!all.is_empty() && all.iter().all(Result::is_ok), "{name}");
+        assert_eq!(all.len(), 1, "{name}");
+        let frame = all[0].as_ref().unwrap();
+        assert_eq!((frame.format, frame.size), (Some(PixelFormat::Rgb8), size), "{name}");
+        assert_near(&frame.view().unwrap().bytes()[..3], color);
     }
 }
 
+/// The upper left corner of the JPEG of several cases.
+const CORNER: [u8; 3] = [201, 40, 30];
+
+/// JPEG decoders differ by a few levels.
+#[track_caller]
+fn assert_near(pixel: &[u8], expected: [u8; 3]) {
+    let is_near = pixel.iter().zip(expected).all(|(&value, expected)| value.abs_diff(expected) <= 3);
+    assert!(pixel.len() == 3 && is_near, "{pixel:?} instead of {expected:?}");
+}
+
 #[test]
-fn a_recorded_motion_jpeg_without_tables_is_read() {
-    assert_eq!(first("mjpeg_without_tables/comp_no_dht.mcap").size, (64, 48).into());
+fn a_motion_jpeg_without_tables_has_the_pixels_of_the_same_image_with_tables() {
+    let expected = first("motion_photo/plain.jpg");
+    let expected = expected.view().unwrap();
+    assert_eq!(expected.size(), (64, 48).into());
+    for name in ["mjpeg_without_tables/comp_no_dht.mcap", "mjpeg_without_tables/no_dht.jpg"] {
+        let frame = first(name);
+        let view = frame.view().unwrap();
+        assert_eq!(view.size(), expected.size(), "{name}");
+        assert!(view.bytes() == expected.bytes(), "{name}");
+        assert_near(&view.bytes()[..3], CORNER);
+        assert_near(&view.bytes()[3 * 63..3 * 64], [230, 60, 89]);
+        assert_near(&view.bytes()[3 * (64 * 48 - 1)..], [231, 201, 91]);
+    }
 }
 
 #[test]

@@ -554,3 +554,41 @@ fn the_metrics_alone_are_at_one_address_only() {
     assert_eq!(body, b"a 1\n# EOF\n");
     assert!(get(address, "/", "").ends_with(b"metrics are at /metrics\n"));
 }
+
+/// A server that serves one connection after another answers only after it has closed the idle ones.
+#[test]
+fn metrics_are_served_beside_idle_connections_which_stay_open() {
+    let server = MetricsServer::open(loopback(), Arc::new(|| "a 1\n# EOF\n".to_owned())).unwrap();
+    let address = server.address();
+    let connect = |begun: &&str| {
+        let mut stream = TcpStream::connect(address).unwrap();
+        stream.set_read_timeout(Some(TIMEOUT)).unwrap();
+        stream.write_all(begun.as_bytes()).unwrap();
+        stream
+    };
+    let begun = ["", "", "", "GET /met", "GET /metrics HTTP/1.1\r\nHost:"];
+    let idle: Vec<TcpStream> = begun.iter().map(connect).collect();
+    assert!(get(address, "/metrics", "").ends_with(b"a 1\n# EOF\n"));
+    let request = format!("GET /metrics HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n");
+    for (mut stream, begun) in idle.into_iter().zip(begun) {
+        stream.write_all(&request.as_bytes()[begun.len()..]).unwrap();
+        let mut answer = Vec::new();
+        stream.read_to_end(&mut answer).unwrap();
+        assert!(answer.ends_with(b"a 1\n# EOF\n"), "after {begun:?}: {}", String::from_utf8_lossy(&answer));
+    }
+}
+
+#[test]
+fn a_head_request_gets_the_head_of_the_metrics() {
+    let server = MetricsServer::open(loopback(), Arc::new(|| "a 1\n# EOF\n".to_owned())).unwrap();
+    let address = server.address();
+    for target in ["/metrics", "/metrics?name[]=a"] {
+        let request = format!("HEAD {target} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n");
+        let answer = ask_up_to(address, &request, u64::MAX);
+        assert_eq!(status_of(&answer), StatusCode::OK, "{target}");
+        let (head, body) = head_and_body(&answer);
+        assert!(head.contains("content-type: application/openmetrics-text; version=1.0.0"), "{head}");
+        assert!(head.contains("content-length: 10\r\n"), "{head}");
+        assert_eq!(body, b"", "{target}");
+    }
+}

@@ -28,20 +28,14 @@ projection_matrix:
 ";
 
 /// A file of ROS's fisheye calibration, which leaves a skew.
-const FISHEYE_WITH_SKEW: &str = "\
-image_width: 640
-image_height: 480
-camera_name: front
-camera_matrix:
-  rows: 3
-  cols: 3
-  data: [ 403.5, -0.96, 321.5, 0., 404.2, 239.2, 0., 0., 1.]
-distortion_model: equidistant
-distortion_coefficients:
-  rows: 1
-  cols: 4
-  data: [0.0175, -0.0031, 0.0003, -0.0007]
-";
+fn fisheye_with_skew() -> String {
+    case("fisheye_with_skew/fisheye_ros_skew.yaml")
+}
+
+/// The text of a file from the field.
+fn case(name: &str) -> String {
+    String::from_utf8(nunet_testkit::cases::read(name)).unwrap()
+}
 
 fn refusal(text: &str) -> CalibrationError {
     Calibration::parse(text).unwrap_err()
@@ -83,7 +77,7 @@ fn every_ros_model_is_read() {
 
 #[test]
 fn a_small_skew_is_ignored_and_reported() {
-    let calibration = Calibration::parse(FISHEYE_WITH_SKEW).unwrap();
+    let calibration = Calibration::parse(&fisheye_with_skew()).unwrap();
     let expected = Intrinsics::new(403.5, 404.2, 321.5, 239.2, 640, 480).unwrap();
     assert_eq!(calibration.camera().intrinsics, expected);
     let skew = IgnoredSkew { skew_px: -0.96, fx_px: 403.5 };
@@ -99,12 +93,12 @@ fn a_message_is_read_by_the_same_rule_as_a_file() {
     let region = SensorRegion::default();
     let info =
         RosCameraInfo { width: 640, height: 480, k: &k, distortion_model: "equidistant", d: &d, region };
-    assert_eq!(Calibration::from_ros(&info), Calibration::parse(FISHEYE_WITH_SKEW));
+    assert_eq!(Calibration::from_ros(&info), Calibration::parse(&fisheye_with_skew()));
 
     let k = [403.5, -9.6, 321.5, 0.0, 404.2, 239.2, 0.0, 0.0, 1.0];
     let skew = CalibrationError::Skew { skew_px: -9.6, fx_px: 403.5 };
     assert_eq!(Calibration::from_ros(&RosCameraInfo { k: &k, ..info }), Err(skew.clone()));
-    assert_eq!(refusal(&FISHEYE_WITH_SKEW.replace("-0.96", "-9.6")), skew);
+    assert_eq!(refusal(&fisheye_with_skew().replace("-0.96", "-9.6")), skew);
     let four = CalibrationError::CameraMatrixSize { got: 4 };
     assert_eq!(Calibration::from_ros(&RosCameraInfo { k: &k[..4], ..info }), Err(four));
 }
@@ -232,9 +226,7 @@ proptest! {
 
 #[test]
 fn kalibrs_camchain_and_an_echoed_message_are_read() {
-    let case = |name: &str| {
-        String::from_utf8(nunet_testkit::cases::read(&format!("calibration_kinds/{name}"))).unwrap()
-    };
+    let case = |name: &str| case(&format!("calibration_kinds/{name}"));
     for text in [case("kalibr.yaml"), case("topic_echo.yaml"), case("topic_echo.yaml").repeat(2)] {
         let camera = Calibration::parse(&text).unwrap().camera();
         let Intrinsics { fx_px, fy_px, cx_px, cy_px, width, height } = camera.intrinsics;
@@ -293,7 +285,7 @@ fn calibrations_in_other_formats_are_named() {
 
 #[test]
 fn a_region_of_interest_and_binning_are_those_of_a_message() {
-    let echo = String::from_utf8(nunet_testkit::cases::read("calibration_kinds/topic_echo.yaml")).unwrap();
+    let echo = case("calibration_kinds/topic_echo.yaml");
     let echo = echo.split("binning_x").next().unwrap();
     let with = |lines: &str| Calibration::parse(&format!("{echo}{lines}"));
     let roi = "roi:\n  x_offset: 160\n  y_offset: 120\n  height: 240\n  width: 320\n  do_rectify: false\n";
