@@ -47,13 +47,15 @@ fn no_source_file_is_longer_than_350_lines_without_its_tests() {
     assert_none(&long.collect::<Vec<_>>());
 }
 
-/// The most lines of the daemon without its tests: code that other programs could use belongs into a library.
+/// The most lines of the daemon's crate without its tests: code that other programs could use belongs into a
+/// library.
 const MAX_DAEMON_LINES: usize = 8_000;
 
 #[test]
 fn the_daemon_has_less_than_8000_lines_without_its_tests() {
-    let mut sources = repository::texts(|path| path.starts_with("crates/nunet-daemon/src/"));
+    let mut sources = repository::texts(|path| path.starts_with("crates/nunet-daemon/"));
     sources.retain(|(path, _)| path.ends_with(".rs") && !is_test_file(path));
+    assert!(sources.iter().any(|(path, _)| path.ends_with("/build.rs")), "the whole crate counts");
     let lines: usize = sources.iter().map(|(_, text)| code_lines(text)).sum();
     assert!((1..MAX_DAEMON_LINES).contains(&lines), "{lines} lines, fewer than {MAX_DAEMON_LINES} wanted");
 }
