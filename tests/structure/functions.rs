@@ -78,6 +78,13 @@ fn no_python_function_has_more_than_45_lines_and_nine_of_ten_have_20_at_most() {
     assert_none(&problems(&python_functions(&sources(".py"))));
 }
 
+#[test]
+fn clippy_which_counts_tests_too_has_the_same_limit() {
+    let (_, clippy) = repository::texts(|path| path == "clippy.toml").remove(0);
+    let limit = format!("too-many-lines-threshold = {MAX_LINES}");
+    assert!(clippy.lines().any(|line| line == limit), "clippy.toml: expected `{limit}`");
+}
+
 /// A function with so many lines, in an `impl`.
 fn rust(lines: usize) -> String {
     format!("impl A {{\n    /// A.\n    fn a() {{\n{}    }}\n}}\n", "g();\n".repeat(lines - 2))

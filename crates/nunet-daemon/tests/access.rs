@@ -113,6 +113,16 @@ impl World {
         run(self.nunetd(user, &["watch", name, "--json", "--frames", frames, "--timeout", "20"]))
     }
 
+    /// Kills a reader that has read a frame.
+    fn kill_a_reader(&self, name: &str) {
+        let mut watcher = self.nunetd(READER, &["watch", name, "--json", "--timeout", "60"]);
+        watcher.stdout(File::create(self.path("watched")).unwrap()).stderr(Stdio::null());
+        let mut killed = Guarded::start(watcher);
+        wait_for("a frame that it reads", || (self.path("watched").metadata().ok()?.len() > 0).then_some(()));
+        signal(killed.pid(), "KILL");
+        killed.wait();
+    }
+
     /// The owner's payload in shared memory, once there is some.
     fn payload(&self) -> Vec<PathBuf> {
         wait_for("the daemon's payload", || {
@@ -188,14 +198,7 @@ fn the_group_can_read_but_not_write_and_others_can_do_neither() {
     assert!(stderr.contains(&format!("it belongs to user {OWNER} and group {GROUP}\nhint: ")), "{stderr}");
 
     // A reader that is killed, and an owner that begins again while a reader stays.
-    let mut watcher = world.nunetd(READER, &["watch", &name, "--json", "--timeout", "60"]);
-    let mut killed = Guarded::start({
-        watcher.stdout(File::create(world.path("watched")).unwrap()).stderr(Stdio::null());
-        watcher
-    });
-    wait_for("a frame that it reads", || (world.path("watched").metadata().ok()?.len() > 0).then_some(()));
-    signal(killed.pid(), "KILL");
-    killed.wait();
+    world.kill_a_reader(&name);
     assert_eq!(frames(&world.watch(READER, &name, "5")).len(), 5, "a killed reader is in nobody's way");
     signal(daemon.pid(), "KILL");
     daemon.wait();

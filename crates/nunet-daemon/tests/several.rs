@@ -20,6 +20,14 @@ impl Bench {
         self.arg("nunetd.toml")
     }
 
+    /// Writes the results of one image to the folder `out`.
+    fn infer(&self, image: &str, out: &str, rest: &[&str]) {
+        let (image, model) = (self.arg(image), self.arg("model.onnx"));
+        let mut command = nunetd(&["-q", "infer", &image, "--model", &model, "--out", &self.arg(out)]);
+        command.args(rest);
+        run_well(command);
+    }
+
     fn json(&self, name: &str) -> Value {
         serde_json::from_slice(&std::fs::read(self.path(name)).unwrap()).unwrap()
     }
@@ -70,14 +78,8 @@ fn each_camera_has_its_own_results_settings_and_counts_and_the_stats_have_all() 
     run_well(nunetd(&["-q", "--config", &config]));
 
     // The same images alone.
-    for (folder, out) in [("left", "alone/front"), ("right", "alone/rear")] {
-        let (image, model) = (bench.arg(&format!("{folder}/0.png")), bench.arg("model.onnx"));
-        let mut command = nunetd(&["-q", "infer", &image, "--model", &model, "--out", &bench.arg(out)]);
-        if folder == "right" {
-            command.args(["--filter", "decimation"]);
-        }
-        run_well(command);
-    }
+    bench.infer("left/0.png", "alone/front", &[]);
+    bench.infer("right/0.png", "alone/rear", &["--filter", "decimation"]);
     let file = |name: &str| std::fs::read(bench.path(name)).unwrap();
     for name in ["depth.npy", "labels.png", "cloud.ply"] {
         assert_eq!(file(&format!("front/{name}")), file(&format!("alone/front/{name}")), "{name}");
