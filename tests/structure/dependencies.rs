@@ -114,6 +114,15 @@ const NO_DEPENDENCY: [(&str, &[&str]); 18] = [
     ("xtask/Cargo.toml", &["ort", "iceoryx2", "nunet-core", "nunet-ipc", "nunet-daemon"]),
 ];
 
+/// A crate's manifest, and the only crates of the workspace that it may depend on, its tests included.
+const ONLY: [(&str, &[&str]); 5] = [
+    ("crates/nunet-types/Cargo.toml", &[]),
+    ("crates/nunet-telemetry/Cargo.toml", &[]),
+    ("crates/nunet-mavlink/Cargo.toml", &["nunet-types"]),
+    ("crates/nunet-ros2-link/Cargo.toml", &["nunet-types", "nunet-mcap", "nunet-testkit"]),
+    ("crates/nunet-c/Cargo.toml", &["nunet-types", "nunet-ipc"]),
+];
+
 fn forbidden_paths(path: &str, text: &str) -> Vec<String> {
     let mut problems = Vec::new();
     for (name, homes) in HOMES {
@@ -154,6 +163,17 @@ fn forbidden(path: &str, manifest: &str, unwanted: &[&str]) -> Vec<String> {
     depends.map(|name| format!("{path}: must not depend on `{name}`")).collect()
 }
 
+fn beyond(path: &str, manifest: &str, allowed: &[&str]) -> Vec<String> {
+    let own = dependencies(manifest).into_iter().filter(|name| name.starts_with("nunet-"));
+    let others = own.filter(|name| !allowed.contains(&name.as_str()));
+    others.map(|name| format!("{path}: must not depend on `{name}`, only on {allowed:?}")).collect()
+}
+
+/// The manifest of a crate.
+fn manifest(path: &str) -> String {
+    repository::texts(|found| found == path).remove(0).1
+}
+
 #[test]
 fn each_restricted_crate_is_used_in_one_place() {
     let problems: Vec<String> =
@@ -188,6 +208,22 @@ fn crates_depend_only_on_what_their_layer_allows() {
         problems.extend(forbidden(path, text, unwanted));
     }
     assert_none(&problems);
+}
+
+#[test]
+fn leaves_depend_on_the_crates_of_the_workspace_that_are_listed_alone() {
+    let problems = ONLY.iter().flat_map(|(path, allowed)| beyond(path, &manifest(path), allowed));
+    assert_none(&problems.collect::<Vec<_>>());
+    assert_eq!(dependencies(&manifest("crates/nunet-types/Cargo.toml")), ["bytemuck"]);
+}
+
+#[test]
+fn a_dependency_that_is_not_listed_is_found() {
+    let text =
+        "[dependencies]\nnunet-types.workspace = true\nserde = \"1\"\n[dev-dependencies]\nnunet-core = {}\n";
+    assert_eq!(beyond("Cargo.toml", text, &["nunet-types"]).len(), 1);
+    assert_eq!(beyond("Cargo.toml", text, &[]).len(), 2);
+    assert_none(&beyond("Cargo.toml", text, &["nunet-types", "nunet-core"]));
 }
 
 #[test]
