@@ -48,8 +48,8 @@ fn disparity_up_to_scale_is_right_after_stretching_and_has_no_meters() {
     assert!(swapped["minmax"]["rmse"].as_f64().unwrap() > 0.5, "near and far are swapped: {swapped}");
 }
 
-/// Depth as `compressedDepth` is 0.257 m per level of green, which the network compares with red. Decoders of JPEG differ
-/// by a level or two.
+/// Depth as `compressedDepth` is 0.257 m per level of green; the network says the level of red plus 1. JPEG
+/// decoders differ by a level or two.
 #[test]
 fn compressed_depth_is_compared() {
     let found = report("compressed_depth_eval/rgbd_compressed.mcap", "metric", &["--depth-cap", "300"]);
@@ -72,8 +72,8 @@ fn true_depth_beyond_10_m_is_compared_up_to_a_cap_of_choice_which_the_hint_names
     assert!(stderr.ends_with("hint: compare up to a larger distance: --depth-cap 31\n"), "{stderr}");
 }
 
-/// TUM's images and depth are 15 ms apart, and so are their names. True depth is 2 m with this unit, the network says
-/// 101 m.
+/// TUM's images and depth are 15 ms apart, and so are their names. True depth is 2 m with this unit, and the
+/// network says 101 m.
 #[test]
 fn images_and_depth_that_are_named_by_different_times_are_joined() {
     let unit = ["--depth-scale", "0.0002", "--depth-cap", "200"];
