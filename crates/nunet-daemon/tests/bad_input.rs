@@ -1,27 +1,11 @@
 //! What a user sees when something is wrong: the message, the hint and the exit code, as snapshots.
 
-use std::path::Path;
 use std::process::Command;
 
 use nunet_testkit::models;
 use nunet_testkit::onnx::{ModelBuilder, OnnxElement};
 
-use crate::support::{Bench, SIZE, calibration, camera, nunetd, run, run_well, text};
-
-/// Exit code and stderr, with the places of this run replaced.
-fn outcome(bench: &Bench, command: Command) -> String {
-    let output = run(command);
-    let folder = bench.path("");
-    let folder = folder.to_str().unwrap().trim_end_matches('/');
-    let library = nunet_testkit::runtime_library();
-    let stderr = text(&output.stderr)
-        .replace(folder, "[DIR]")
-        .replace(library.to_str().unwrap(), "[LIBRARY]")
-        .replace(env!("CARGO_TARGET_TMPDIR"), "[CACHE]");
-    let code = output.status.code().map_or("none".to_owned(), |code| code.to_string());
-    assert!(output.stdout.is_empty(), "stdout is data: {}", text(&output.stdout));
-    format!("exit code {code}\n{}", stderr.trim_end())
-}
+use crate::support::{Bench, SIZE, calibration, camera, nunetd, outcome, run, run_well, snapshot, text};
 
 /// Tries a model file.
 fn model(bench: &Bench, name: &str) -> String {
@@ -38,21 +22,6 @@ fn arguments(bench: &Bench, rest: &[&str]) -> String {
     let mut all = vec!["-q", "--model", &model, "--frames", "1", "--camera", &camera];
     all.extend(rest);
     outcome(bench, nunetd(&all))
-}
-
-/// Messages that differ from run to run only in a camera's name or a hash.
-macro_rules! snapshot {
-    ($outcome:expr) => {
-        insta::with_settings!({
-            filters => vec![
-                (r"bad_(model|arguments)_\d+_\d+", "[CAMERA]"),
-                (r"[0-9a-f]{64}", "[HASH]"),
-            ],
-            prepend_module_to_snapshot => false,
-            omit_expression => true,
-            snapshot_path => Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/snapshots"),
-        }, { insta::assert_snapshot!($outcome) })
-    };
 }
 
 #[test]

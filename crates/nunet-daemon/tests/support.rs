@@ -65,6 +65,33 @@ pub(crate) fn run_well(command: Command) -> Output {
     output
 }
 
+/// Exit code and stderr of a command that has no results, with the places of this run replaced.
+pub(crate) fn outcome(bench: &Bench, command: Command) -> String {
+    let output = run(command);
+    let stderr = bench.redact(&text(&output.stderr));
+    let code = output.status.code().map_or("none".to_owned(), |code| code.to_string());
+    assert!(output.stdout.is_empty(), "stdout is data: {}", text(&output.stdout));
+    format!("exit code {code}\n{}", stderr.trim_end())
+}
+
+/// Compares with the file in `snapshots/` that has the test's name. Only names of cameras, hashes and the
+/// last digits of numbers may differ.
+macro_rules! snapshot {
+    ($outcome:expr) => {
+        insta::with_settings!({
+            filters => vec![
+                (r"bad_(model|arguments)_\d+_\d+", "[CAMERA]"),
+                (r"[0-9a-f]{64}", "[HASH]"),
+                (r"\b\d+\.\d{9,}", "[NUMBER]"),
+            ],
+            prepend_module_to_snapshot => false,
+            omit_expression => true,
+            snapshot_path => std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/snapshots"),
+        }, { insta::assert_snapshot!($outcome) })
+    };
+}
+pub(crate) use snapshot;
+
 pub(crate) fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
@@ -176,6 +203,15 @@ impl Bench {
     /// The same as text, for arguments.
     pub(crate) fn arg(&self, name: &str) -> String {
         self.path(name).to_str().unwrap().to_owned()
+    }
+
+    /// The text with the places of this run replaced.
+    pub(crate) fn redact(&self, text: &str) -> String {
+        let folder = self.path("");
+        let library = nunet_testkit::runtime_library();
+        text.replace(folder.to_str().unwrap().trim_end_matches('/'), "[DIR]")
+            .replace(library.to_str().unwrap(), "[LIBRARY]")
+            .replace(env!("CARGO_TARGET_TMPDIR"), "[CACHE]")
     }
 
     /// Lets a command see the shared memory of this bench only.
