@@ -74,8 +74,8 @@ pub(crate) fn outcome(bench: &Bench, command: Command) -> String {
     format!("exit code {code}\n{}", stderr.trim_end())
 }
 
-/// Compares with the file in `snapshots/` that has the test's name. Only names of cameras, hashes and the
-/// last digits of numbers may differ.
+/// Compares with the file in `snapshots/` that has the test's name. Only names of cameras, hashes, times and
+/// the last digits of numbers may differ.
 macro_rules! snapshot {
     ($outcome:expr) => {
         insta::with_settings!({
@@ -83,6 +83,7 @@ macro_rules! snapshot {
                 (r"bad_(model|arguments)_\d+_\d+", "[CAMERA]"),
                 (r"[0-9a-f]{64}", "[HASH]"),
                 (r"\b\d+\.\d{9,}", "[NUMBER]"),
+                (r"\b\d{4}-\d\d-\d\dT[\d:.]+Z", "[TIME]"),
             ],
             prepend_module_to_snapshot => false,
             omit_expression => true,
