@@ -68,9 +68,14 @@ pub(crate) fn run_well(command: Command) -> Output {
 /// Exit code and stderr of a command that has no results, with the places of this run replaced.
 pub(crate) fn outcome(bench: &Bench, command: Command) -> String {
     let output = run(command);
+    assert!(output.stdout.is_empty(), "stdout is data: {}", text(&output.stdout));
+    seen(bench, &output)
+}
+
+/// Exit code and stderr, with the places of this run replaced.
+pub(crate) fn seen(bench: &Bench, output: &Output) -> String {
     let stderr = bench.redact(&text(&output.stderr));
     let code = output.status.code().map_or("none".to_owned(), |code| code.to_string());
-    assert!(output.stdout.is_empty(), "stdout is data: {}", text(&output.stdout));
     format!("exit code {code}\n{}", stderr.trim_end())
 }
 
