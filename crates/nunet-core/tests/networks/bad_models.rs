@@ -1,12 +1,15 @@
 //! Files that are no models, and models that are not what they should be.
 
+use std::io::ErrorKind;
 use std::path::Path;
 
-use nunet_core::graph::{GraphError, GraphOptions, SerialGraph, model_hashes};
+use nunet_core::graph::{GraphError, GraphOptions, ManifestError, SerialGraph, WiringError, model_hashes};
+use nunet_core::hint_of;
+use nunet_core::model::ModelError;
 use nunet_testkit::models;
 use nunet_testkit::onnx::{ModelBuilder, OnnxElement};
 
-use crate::{Folder, SIZE, options, refusal, runtime};
+use crate::{Folder, SIZE, chain, error_of, options, refusal, runtime, wiring_error};
 
 const F32: OnnxElement = OnnxElement::F32;
 
@@ -23,20 +26,36 @@ fn constant(input: (OnnxElement, &[i64]), output: (OnnxElement, &[i64])) -> Mode
     models::describe(model, "constant", false)
 }
 
-fn message(model: &ModelBuilder) -> String {
-    refusal(Folder::new().model("m.onnx", model).load("m.onnx"))
+fn refused(model: &ModelBuilder) -> GraphError {
+    error_of(Folder::new().model("m.onnx", model).load("m.onnx"))
+}
+
+/// What is wrong with the model's description.
+fn description_error(model: &ModelBuilder) -> ModelError {
+    match refused(model) {
+        GraphError::Description { source, .. } => source,
+        other => panic!("{other}"),
+    }
+}
+
+fn is_absent(error: &GraphError, name: &str) -> bool {
+    match error {
+        GraphError::Read { path, source } => path.ends_with(name) && source.kind() == ErrorKind::NotFound,
+        _ => false,
+    }
 }
 
 #[test]
 fn a_missing_file_is_named() {
     let folder = Folder::new();
-    let message = refusal(folder.load("absent.onnx"));
-    assert!(message.contains("absent.onnx`: No such file"), "{message}");
+    let error = error_of(folder.load("absent.onnx"));
+    assert!(is_absent(&error, "absent.onnx"), "{error}");
 }
 
 #[test]
 fn a_folder_is_not_a_model() {
-    assert!(refusal(Folder::new().load("")).ends_with("is not a file"));
+    let error = error_of(Folder::new().load(""));
+    assert!(matches!(error, GraphError::NotAFile { .. }), "{error}");
 }
 
 #[test]
@@ -53,8 +72,9 @@ fn a_file_that_changed_after_it_was_hashed_is_not_loaded() {
     let hashes = model_hashes(&path).unwrap();
     SerialGraph::load(&path, &runtime(), &only(hashes.clone())).unwrap();
     let folder = folder.model("m.onnx", &models::wnet(SIZE, true));
-    let message = refusal(SerialGraph::load(&path, &runtime(), &only(hashes)));
-    assert!(message.contains("m.onnx` has changed since it was checked\nhint: "), "{message}");
+    let error = error_of(SerialGraph::load(&path, &runtime(), &only(hashes)));
+    assert!(matches!(&error, GraphError::Changed { path: changed } if *changed == path), "{error}");
+    assert!(hint_of(&error).is_some(), "{error}");
     drop(folder);
 }
 
@@ -74,15 +94,17 @@ fn a_sidecar_is_hashed_too_and_another_file_beside_the_model_is_ignored() {
 
 #[test]
 fn an_empty_file_is_reported_as_empty() {
-    assert!(refusal(Folder::new().text("m.onnx", "").load("m.onnx")).ends_with("m.onnx` is empty"));
+    let error = error_of(Folder::new().text("m.onnx", "").load("m.onnx"));
+    assert!(matches!(&error, GraphError::Empty { path } if path.ends_with("m.onnx")), "{error}");
 }
 
 #[test]
 fn a_text_is_not_a_model() {
-    let message = refusal(Folder::new().text("m.onnx", "not a model at all, just words\n").load("m.onnx"));
-    assert!(message.starts_with("cannot load the model `"), "{message}");
-    assert!(message.contains("\nhint: the file is damaged or is not an ONNX model"), "{message}");
-    assert_eq!(message.lines().count(), 2, "{message}");
+    let error = error_of(Folder::new().text("m.onnx", "not a model at all, just words\n").load("m.onnx"));
+    assert!(matches!(&error, GraphError::Model { path, .. } if path.ends_with("m.onnx")), "{error}");
+    // The other hint for a file that cannot be loaded names the option of the export.
+    assert!(hint_of(&error).is_some_and(|hint| !hint.contains("external_data")), "{error}");
+    assert_eq!(chain(&error).lines().count(), 2, "{error}");
 }
 
 #[test]
@@ -106,29 +128,30 @@ fn weights_outside_the_file_are_refused_even_where_they_can_be_found() {
         .node("Cast", &["rgb"], &["float"], &[("to", 1.into())])
         .node("MatMul", &["float", "weights"], &["depth"], &[])
         .output("depth", F32, &[1, 3, 6, 1]);
-    let message = message(&models::describe(model, "unet", false));
-    assert!(message.contains("\nhint: keep the weights inside the file"), "{message}");
+    let error = refused(&models::describe(model, "unet", false));
+    assert!(matches!(error, GraphError::Model { .. }), "{error}");
+    assert!(hint_of(&error).is_some_and(|hint| hint.contains("external_data=False")), "{error}");
 }
 
 #[test]
 fn the_error_for_a_model_without_metadata_has_a_hint() {
-    let message = message(&models::undescribed_unet(SIZE));
-    assert!(
-        message.contains("there is no sidecar `m.toml`\nhint: describe a foreign network in `m.toml`"),
-        "{message}"
-    );
+    let error = description_error(&models::undescribed_unet(SIZE));
+    assert_eq!(error, ModelError::Undescribed { sidecar: "m.toml".to_owned() });
+    assert!(hint_of(&error).is_some_and(|hint| hint.contains("`m.toml`")), "{error}");
 }
 
 #[test]
 fn another_version_of_the_contract_is_refused_by_name() {
-    let message = message(&models::unet(SIZE).metadata("nunet.version", "7"));
-    assert!(message.contains("`nunet.version` is `7`, expected `1`"), "{message}");
+    let error = description_error(&models::unet(SIZE).metadata("nunet.version", "7"));
+    assert_eq!(error, ModelError::Version { version: "7".to_owned(), expected: "1" });
 }
 
 #[test]
 fn malformed_metadata_is_named_with_its_key() {
-    let message = message(&models::unet(SIZE).metadata("nunet.classes", "[\"wall\""));
-    assert!(message.contains("`nunet.classes` is `[\"wall\"`: EOF while parsing"), "{message}");
+    let error = description_error(&models::unet(SIZE).metadata("nunet.classes", "[\"wall\""));
+    let is_of_classes =
+        matches!(&error, ModelError::Invalid { key: "nunet.classes", value, .. } if value == "[\"wall\"");
+    assert!(is_of_classes, "{error}");
 }
 
 #[test]
@@ -141,9 +164,13 @@ fn images_of_another_kind_are_refused() {
         ((OnnxElement::U8, &[-1, 3, 6, 3]), "uint8 [?, 3, 6, 3]"),
         ((OnnxElement::U8, &[1, -1, -1, 3]), "uint8 [1, ?, ?, 3]"),
     ] {
-        let message = message(&constant(input, depth));
-        let expected = format!("takes the image as `rgb` of {kind}, but the image is uint8 [1, H, W, 3]");
-        assert!(message.contains(&expected), "{message}");
+        let expected = WiringError::Image {
+            stage: "network".into(),
+            tensor: "rgb".into(),
+            kind: kind.into(),
+            expected: "uint8 [1, H, W, 3]".into(),
+        };
+        assert_eq!(wiring_error(refused(&constant(input, depth))), expected);
     }
 }
 
@@ -157,10 +184,15 @@ fn depth_of_another_kind_is_refused() {
         ((F32, &[1, 1, 6, 12]), "float32 [1, 1, 6, 12]"),
         ((F32, &[1, 1, 6, 3]), "float32 [1, 1, 6, 3]"),
     ] {
-        let message = message(&constant(image, output));
-        let expected =
-            format!("is `network.depth` of {kind}, expected float32 [1, 1, 3, 6] for an image of 6x3");
-        assert!(message.contains(&expected), "{message}");
+        let expected = WiringError::Result {
+            role: "depth",
+            reference: "network.depth".into(),
+            given: kind.into(),
+            expected: "float32 [1, 1, 3, 6]".into(),
+            width: 6,
+            height: 3,
+        };
+        assert_eq!(wiring_error(refused(&constant(image, output))), expected);
     }
 }
 
@@ -174,8 +206,9 @@ fn an_input_of_another_name_is_refused_naming_it() {
         "unet",
         false,
     );
-    let message = message(&model);
-    assert!(message.contains("stage `network` has no input `rgb`; its inputs are `image`"), "{message}");
+    let expected =
+        WiringError::UnknownInput { stage: "network".into(), tensor: "rgb".into(), inputs: "`image`".into() };
+    assert_eq!(wiring_error(refused(&model)), expected);
 }
 
 #[test]
@@ -187,28 +220,35 @@ fn a_constant_depth_is_written_to_the_caller_like_any_other() {
 
 #[test]
 fn staged_graphs_with_broken_files_are_refused() {
-    for (manifest, says) in [
-        ("", "missing field `version`"),
-        ("version = 1\n[[stage]\n", "TOML parse error"),
-        ("version = 3\n[outputs]\ndepth = \"a.depth\"\n", "`version` is 3, expected 1"),
-        ("version = 1\n[outputs]\ndepth = \"a.depth\"\n", "there are 0 stages, expected 1 to"),
-        (
-            "version = 1\n[[stage]]\nname = \"a\"\nmodel = \"../a.onnx\"\ninputs = {}\n[outputs]\ndepth = \"a.depth\"\n",
-            "model `../a.onnx` of stage `a` is outside the manifest's folder",
-        ),
-        (
-            "version = 1\n[[stage]]\nname = \"a\"\nmodel = \"a.onnx\"\ninputs = {}\n[outputs]\ndepth = \"a.depth\"\n",
-            "a.onnx`: No such file",
-        ),
-    ] {
-        let folder = Folder::new().text("graph.toml", &format!("# a graph\n{manifest}"));
-        let message = refusal(folder.load("graph.toml"));
-        assert!(message.contains(says), "{message}");
+    let refused = |manifest: &str| {
+        error_of(Folder::new().text("graph.toml", &format!("# a graph\n{manifest}")).load("graph.toml"))
+    };
+    let manifest_error = |manifest: &str| match refused(manifest) {
+        GraphError::Manifest { source, .. } => source,
+        other => panic!("{other}"),
+    };
+    for (manifest, named) in [("", "`version`"), ("version = 1\n[[stage]\n", "line 3")] {
+        let error = manifest_error(manifest);
+        let is_of_it = matches!(&error, ManifestError::Syntax { reason } if reason.contains(named));
+        assert!(is_of_it, "{error}");
     }
+    let outputs = "[outputs]\ndepth = \"a.depth\"\n";
+    let error = manifest_error(&format!("version = 3\n{outputs}"));
+    assert_eq!(error, ManifestError::Version { version: 3 });
+    let error = manifest_error(&format!("version = 1\n{outputs}"));
+    assert_eq!(error, ManifestError::StageCount { count: 0 });
+    let of_file = |model: &str| {
+        format!("version = 1\n[[stage]]\nname = \"a\"\nmodel = \"{model}\"\ninputs = {{}}\n{outputs}")
+    };
+    let outside = ManifestError::ModelOutside { stage: "a".to_owned(), model: "../a.onnx".to_owned() };
+    assert_eq!(manifest_error(&of_file("../a.onnx")), outside);
+    let error = refused(&of_file("a.onnx"));
+    assert!(is_absent(&error, "a.onnx"), "{error}");
 }
 
 #[test]
 fn a_huge_manifest_is_not_read() {
     let folder = Folder::new().text("graph.toml", &"#".repeat(100_000));
-    assert!(refusal(folder.load("graph.toml")).contains("has 100000 bytes"));
+    let error = error_of(folder.load("graph.toml"));
+    assert!(matches!(error, GraphError::TooLarge { bytes: 100_000, .. }), "{error}");
 }

@@ -18,7 +18,7 @@ mod shipped;
 use std::path::{Path, PathBuf};
 
 use nunet_core::graph::{
-    GraphError, GraphInput, GraphOptions, GraphOutputs, GraphReport, Runtime, SerialGraph,
+    GraphError, GraphInput, GraphOptions, GraphOutputs, GraphReport, Runtime, SerialGraph, WiringError,
 };
 use nunet_testkit::onnx::ModelBuilder;
 use nunet_types::ImageSize;
@@ -120,10 +120,23 @@ fn chain(error: &(dyn std::error::Error + 'static)) -> String {
     text + &hints
 }
 
-/// The chain of a load that must fail.
-fn refusal(result: Result<SerialGraph, GraphError>) -> String {
+/// The error of a load that must fail.
+fn error_of(result: Result<SerialGraph, GraphError>) -> GraphError {
     match result {
         Ok(_) => panic!("the graph was loaded"),
-        Err(error) => chain(&error),
+        Err(error) => error,
+    }
+}
+
+/// Its chain.
+fn refusal(result: Result<SerialGraph, GraphError>) -> String {
+    chain(&error_of(result))
+}
+
+/// Why the stages do not fit together.
+fn wiring_error(error: GraphError) -> WiringError {
+    match error {
+        GraphError::Wiring { source, .. } => *source,
+        other => panic!("{}", chain(&other)),
     }
 }
