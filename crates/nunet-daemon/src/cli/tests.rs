@@ -6,10 +6,27 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use clap::CommandFactory as _;
+use clap::error::ErrorKind;
 
 use super::{Cli, SubcommandArgs};
 use crate::config::{CameraConfig, Config, LogOptions, Publish};
 use crate::source::Rate;
+
+/// Compares with the file in `tests/snapshots/` that has the test's name.
+macro_rules! snapshot {
+    ($text:expr) => {
+        insta::with_settings!({
+            prepend_module_to_snapshot => false,
+            omit_expression => true,
+            snapshot_path => concat!(env!("CARGO_MANIFEST_DIR"), "/tests/snapshots"),
+        }, { insta::assert_snapshot!($text) })
+    };
+}
+
+/// The messages of refused command lines or files, one below the other.
+fn below_each_other(errors: impl IntoIterator<Item = String>) -> String {
+    errors.into_iter().map(|error| error.trim_end().to_owned()).collect::<Vec<_>>().join("\n\n")
+}
 
 fn parse_flags(line: &str) -> Cli {
     Cli::parse_line(line.split(' ').map(OsString::from)).unwrap()
@@ -42,18 +59,15 @@ fn logging_flags_are_allowed_before_and_after_a_subcommand() {
 #[test]
 fn an_unknown_subcommand_lists_the_known_ones() {
     let error = Cli::parse_line(["nunetd", "inferr", "x.jpg"].map(OsString::from)).unwrap_err().to_string();
-    assert!(
-        error.contains("`inferr` is not a subcommand of nunetd\nhint: one of run, infer, feed,"),
-        "{error}"
-    );
     assert!(!error.contains("check-model"), "{error}");
+    snapshot!(error);
 }
 
 #[test]
 fn a_source_in_place_of_a_subcommand_is_answered_with_its_flag() {
     for source in ["/dev/video0", "drive.mcap", "shm:front"] {
         let error = Cli::parse_line(["nunetd", source].map(OsString::from)).unwrap_err().to_string();
-        assert!(error.contains(&format!("hint: pass a source as --source {source}\n")), "{error}");
+        assert!(error.contains(&format!(" --source {source}\n")), "{error}");
     }
 }
 
@@ -61,10 +75,13 @@ fn a_source_in_place_of_a_subcommand_is_answered_with_its_flag() {
 fn a_file_too_many_is_answered_with_a_tip_about_globs() {
     let error = |file: &str| {
         let line = ["nunetd", "--source", "a.jpg", file].map(OsString::from);
-        Cli::parse_line(line).unwrap_err().to_string()
+        let error = Cli::parse_line(line).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::UnknownArgument, "{error}");
+        error.to_string()
     };
-    assert!(error("Cargo.toml").contains("tip: quote a glob"), "{}", error("Cargo.toml"));
-    assert!(!error("none.jpg").contains("glob"), "{}", error("none.jpg"));
+    let example = "'images/*.jpg'";
+    assert!(error("Cargo.toml").contains(example), "{}", error("Cargo.toml"));
+    assert!(!error("none.jpg").contains(example), "{}", error("none.jpg"));
 }
 
 #[test]
@@ -74,30 +91,28 @@ fn the_usage_says_that_a_subcommand_is_optional() {
 
 #[test]
 fn an_error_of_a_number_or_address_names_what_is_expected() {
-    let count = "expected a whole number of 1 or more, got `0`";
-    for (line, part) in [
-        ("nunetd --frames 0", count),
-        ("nunetd --cloud-stride 0", count),
-        ("nunetd --threads 0", count),
-        ("nunetd bench --runs 0", count),
-        ("nunetd watch front --frames 0", count),
-        ("nunetd --readers 0", "expected 1 to 62, got `0`"),
-        ("nunetd eval data --depth-offset nan", "expected at most 1e6 units, such as 1, got `nan`"),
-        ("nunetd eval data --depth-offset=-1e300", "such as 1, got `-1e300`"),
-        ("nunetd calibrate --truth data --depth-offset inf", "such as 1, got `inf`"),
-        (
-            "nunetd eval data --depth-cap 1e300",
-            "expected meters from 1e-9 to 1e9, such as 0.001, got `1e300`",
-        ),
-        ("nunetd eval data --depth-scale 1e-300", "such as 0.001, got `1e-300`"),
-        ("nunetd calibrate --truth data --depth-cap 1e-300", "such as 0.001, got `1e-300`"),
-        ("nunetd --metrics 9477", "expected ADDRESS:PORT, such as `127.0.0.1:9477`, got `9477`"),
-        ("nunetd --view localhost:8080", "hint: write the address in numbers"),
-    ] {
+    let errors = [
+        "nunetd --frames 0",
+        "nunetd --cloud-stride 0",
+        "nunetd --threads 0",
+        "nunetd bench --runs 0",
+        "nunetd watch front --frames 0",
+        "nunetd --readers 0",
+        "nunetd eval data --depth-offset nan",
+        "nunetd eval data --depth-offset=-1e300",
+        "nunetd calibrate --truth data --depth-offset inf",
+        "nunetd eval data --depth-cap 1e300",
+        "nunetd eval data --depth-scale 1e-300",
+        "nunetd calibrate --truth data --depth-cap 1e-300",
+        "nunetd --metrics 9477",
+        "nunetd --view localhost:8080",
+    ]
+    .map(|line| {
         let error = Cli::parse_line(line.split(' ').map(OsString::from)).unwrap_err();
         assert_eq!(error.exit_code(), 2, "{line}");
-        assert!(error.to_string().contains(part), "{error}");
-    }
+        error.to_string()
+    });
+    snapshot!(below_each_other(errors));
     let address = "nunetd --metrics [::1]:9477".split(' ').map(OsString::from);
     assert!(Cli::parse_line(address).is_ok());
 }
@@ -156,7 +171,7 @@ fn a_file_is_equivalent_to_flags() {
 #[test]
 fn a_file_may_begin_with_a_byte_order_mark() {
     assert_eq!(run("\u{feff}source = 'demo'\nmodel = 'a.onnx'", "run").model.path, PathBuf::from("a.onnx"));
-    assert_refused("\u{feff}source = 'demo'\nmodle = 'a.onnx'", "`[FILE]`, line 2: unknown key `modle`");
+    assert_names("\u{feff}source = 'demo'\nmodle = 'a.onnx'", &["`[FILE]`, line 2", "`modle`"]);
 }
 
 #[test]
@@ -198,8 +213,9 @@ fn a_flag_may_require_a_key_of_the_file_and_a_key_a_flag() {
     let turned = run("source = 'demo'\nrecord = 'a.mcap'", "run --force");
     assert!(turned.cameras[0].record.as_ref().is_some_and(|record| record.force));
     let error = parse("rate = 5", "run --force").unwrap_err();
-    assert!(error.contains("`--force` needs `--record`") && !error.contains("[FILE]"), "{error}");
-    assert_refused("force = true", "`[FILE]`: `force` needs `record`");
+    assert!(error.contains("`--force`") && error.contains("`--record`"), "{error}");
+    assert!(!error.contains("[FILE]"), "{error}");
+    assert_names("force = true", &["`[FILE]`", "`force`", "`record`"]);
 }
 
 #[test]
@@ -215,64 +231,59 @@ fn shared_keys_apply_to_the_cameras_that_can_use_them() {
 
 #[test]
 fn a_flag_that_needs_another_one_is_refused_without_a_file_too() {
-    for (line, part) in [
-        ("nunetd run --force", "`--force` needs `--record`"),
-        ("nunetd config --access-mode 0640", "`--access-mode` needs `--access-group`"),
-        ("nunetd feed - --camera a --format rgb8", "`--format` needs `--size`"),
+    for (line, flag, needed) in [
+        ("nunetd run --force", "`--force`", "`--record`"),
+        ("nunetd config --access-mode 0640", "`--access-mode`", "`--access-group`"),
+        ("nunetd feed - --camera a --format rgb8", "`--format`", "`--size`"),
     ] {
         let error = Cli::parse_line(line.split(' ').map(OsString::from)).unwrap_err();
         assert_eq!(error.exit_code(), 2);
-        assert!(error.to_string().contains(part), "{error}");
+        let text = error.to_string();
+        assert!(text.contains(flag) && text.contains(needed), "{error}");
     }
     let replay = "nunetd replay a.mcap b.mcap --force".split(' ').map(OsString::from);
     assert!(Cli::parse_line(replay).is_ok(), "its output is no option");
 }
 
+fn refused(config: &str) -> String {
+    parse(config, "run").unwrap_err()
+}
+
 #[track_caller]
-fn assert_refused(config: &str, part: &str) {
-    let error = parse(config, "run").unwrap_err();
-    assert!(error.contains(part), "{error}");
+fn assert_names(config: &str, names: &[&str]) {
+    let error = refused(config);
+    assert!(names.iter().all(|name| error.contains(*name)), "{error}");
 }
 
 #[test]
 fn an_unknown_key_is_an_error_with_the_nearest_name() {
-    assert_refused("modle = 'a.onnx'", "`[FILE]`, line 1: unknown key `modle`\nhint: did you mean `model`?");
-    assert_refused("zzz = 1", "unknown key `zzz`\nhint: keys are the long names of the flags");
-    assert_refused("config = 'other.toml'", "unknown key `config`");
-    assert_refused("loop = 'yes'", "`loop` is `\"yes\"`; expected true or false");
-    for count in ["-1", "256"] {
-        assert_refused(
-            &format!("verbose = {count}"),
-            &format!("`verbose` is `{count}`; expected true, false or 0 to 255"),
-        );
-    }
-    assert_refused("model = true", "`model` is `true`; expected a text or a number");
-    assert_refused("model = {a = 1}", "`model` is a table; expected a text or a number");
-    assert_refused("model = ", "`[FILE]`: it is not valid TOML");
-    assert_refused("model = 'a'\nmodel = 'b'", "`[FILE]`: it is not valid TOML");
-    assert_refused(
+    let files = [
+        "modle = 'a.onnx'",
+        "zzz = 1",
+        "config = 'other.toml'",
+        "loop = 'yes'",
+        "verbose = -1",
+        "verbose = 256",
+        "model = true",
+        "model = {a = 1}",
+        "model =",
+        "model = 'a'\nmodel = 'b'",
         "intrinsics = [500, 500, 320, 240]",
-        "`intrinsics` is a list; expected a text or a number\nhint: write it in quotes",
-    );
-    assert_refused("publish = []", "`publish` is an empty list; expected one value at least\nhint: leave");
-    assert_refused(
+        "publish = []",
         "loop = true\nrate = -3",
-        "line 2: invalid value `-3` for `rate`: expected `max` or frames a second from 0.0001 to 10000",
-    );
-    assert_refused("intrinsics = '1,2,3,4'\ncalibration = 'a.yaml'", "cannot be used with");
+        "intrinsics = '1,2,3,4'\ncalibration = 'a.yaml'",
+    ];
+    snapshot!(below_each_other(files.map(refused)));
 }
 
 #[test]
 fn a_file_that_is_endless_or_one_long_line_is_refused_with_a_short_message() {
-    let large = parse(&"#".repeat(100_000), "run").unwrap_err();
-    assert!(large.contains("it is longer than 65536 bytes"), "{large}");
-    for config in ["#".repeat(100_000), format!("a = {}", "[".repeat(60_000))] {
-        let error = parse(&config, "run").unwrap_err();
-        assert!(error.contains("`[FILE]`: ") && error.len() < 2000, "{error}");
-    }
+    let large = refused(&"#".repeat(100_000));
+    let nested = refused(&format!("a = {}", "[".repeat(60_000)));
+    assert!(nested.contains("`[FILE]`: ") && nested.len() < 2000, "{nested}");
     let line = ["nunetd", "--config", "/dev/zero"].map(OsString::from);
-    let error = Cli::parse_line(line).unwrap_err().to_string();
-    assert!(error.contains("`/dev/zero`: cannot read it: it is not a regular file"), "{error}");
+    let endless = Cli::parse_line(line).unwrap_err().to_string();
+    snapshot!(below_each_other([large, endless]));
 }
 
 #[test]
@@ -295,7 +306,7 @@ fn a_mistake_in_the_file_is_printed_without_the_usage_of_the_command_line() {
 #[test]
 fn a_file_cannot_control_the_terminal() {
     let error = parse("source = 'demo'\nrate = \"a\\u001b[31m\"", "run").unwrap_err();
-    assert!(error.contains("got `a\\u001b[31m`") && !error.contains('\u{1b}'), "{error}");
+    assert!(error.contains("`a\\u001b[31m`") && !error.contains('\u{1b}'), "{error}");
 }
 
 #[test]
@@ -309,7 +320,8 @@ fn a_file_cannot_add_a_line_to_its_error() {
 #[test]
 fn a_missing_file_is_an_error() {
     let error = Cli::parse_line(["nunetd", "--config", "missing.toml"].map(OsString::from)).unwrap_err();
-    assert!(error.to_string().contains("`missing.toml`: cannot read it:"), "{error}");
+    let text = error.to_string();
+    assert!(text.contains("`missing.toml`") && text.contains("os error 2"), "{text}");
 }
 
 #[test]
@@ -387,28 +399,22 @@ fn one_section_is_one_camera() {
 #[test]
 fn a_wrong_key_of_a_section_is_an_error_with_the_camera_and_a_hint() {
     let section = |lines: &str| format!("[[camera]]\nname = 'front'\n[[camera]]\nname = 'rear'\n{lines}");
-    assert_refused(
-        &section("framse = 3"),
-        "`[FILE]`, line 5: camera 2 (`rear`): unknown key `framse`\nhint: did you mean `frames`?",
+    let in_section =
+        ["framse = 3", "nmae = 'x'", "model = 'b.onnx'", "camera = 'b'", "rate = -3", "loop = 3"];
+    let mut errors = Vec::from(in_section.map(|line| refused(&section(line))));
+    errors.push(refused(&format!("source = 'demo'\n{}", section(""))));
+    errors.extend(
+        [
+            "camera = 'front'\n[[camera]]\nname = 'front'\nsource = 'demo'",
+            "camera = []",
+            "camera = ['a', 'b']",
+            "[camera]\nname = 'a'",
+        ]
+        .map(refused),
     );
-    assert_refused(&section("nmae = 'x'"), "unknown key `nmae`\nhint: did you mean `name`?");
-    assert_refused(&section("model = 'b.onnx'"), "`model` is not for one camera\nhint: put it above");
-    assert_refused(&section("camera = 'b'"), "unknown key `camera`\nhint: in a section it is `name`");
-    assert_refused(&section("rate = -3"), "camera 2 (`rear`): invalid value `-3` for `rate`");
-    assert_refused(&section("loop = 3"), "camera 2 (`rear`): `loop` is `3`; expected true or false");
-    assert_refused(&format!("source = 'demo'\n{}", section("")), "`source` stands above the `[[camera]]`");
-    assert_refused(
-        "camera = 'front'\n[[camera]]\nname = 'front'\nsource = 'demo'",
-        "`[FILE]`: `camera` stands above the `[[camera]]` sections\nhint: remove `camera =`: each section",
-    );
-    assert_refused("camera = []", "`camera` is an empty list\nhint: write a `[[camera]]` section for each");
-    assert_refused("camera = ['a', 'b']", "`camera` has `\"a\"` in it; expected sections\nhint: ");
-    assert_refused("[camera]\nname = 'a'", "`camera` is a table\nhint: write a `[[camera]]` section");
-    for (flag, value) in [("source", "demo"), ("camera", "other")] {
-        let error = parse(TWO, &format!("run --{flag} {value}")).unwrap_err();
-        let expected = format!("`--{flag}` cannot stand beside the `[[camera]]` sections\nhint: ");
-        assert!(error.contains(&expected), "{error}");
-    }
+    let flags = ["run --source demo", "run --camera other"];
+    errors.extend(flags.map(|line| parse(TWO, line).unwrap_err()));
+    snapshot!(below_each_other(errors));
 }
 
 #[test]
