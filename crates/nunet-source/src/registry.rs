@@ -221,7 +221,8 @@ mod tests {
         assert!(matches!(probed.fill(&mut Frame::default()), Fill::End));
         let repeat = OpenOptions { repeat: true, ..OpenOptions::default() };
         let error = SourceName::parse("ros2:/a").check(&repeat).unwrap_err();
-        assert!(error.to_string().contains("a topic has no end"), "{error}");
+        assert_eq!(error.kind(), SourceErrorKind::BadArguments, "{error}");
+        insta::assert_snapshot!(error, @"a loop is impossible: a topic has no end");
         let rate = OpenOptions { rate: Some(Rate::Max), ..OpenOptions::default() };
         let error = SourceName::parse("ros2:/a").check(&rate).unwrap_err();
         assert_eq!(error.kind(), SourceErrorKind::BadArguments);
@@ -279,18 +280,31 @@ mod tests {
             error.to_string()
         };
         let sized = OpenOptions { size, ..OpenOptions::default() };
-        for source in ["demo", "drive.mcap", "shm:front", "drive/*.jpg"] {
-            let error = refused(source, sized);
-            assert!(error.starts_with("a size is for cameras and raw images"), "{error}");
+        let error = refused("demo", sized);
+        insta::assert_snapshot!(
+            error,
+            @"a size is for cameras and raw images, a format for raw images: omit them"
+        );
+        for source in ["drive.mcap", "shm:front", "drive/*.jpg"] {
+            assert_eq!(refused(source, sized), error, "{source}");
         }
-        assert!(refused("-", sized).starts_with("a size without a format"));
+        insta::assert_snapshot!(refused("-", sized), @"a size without a format: raw images need both");
         let both = OpenOptions { size, format, ..OpenOptions::default() };
         let repeat = OpenOptions { repeat: true, ..OpenOptions::default() };
         if cfg!(feature = "v4l2") {
-            assert!(refused("/dev/video0", both).starts_with("a format is for raw images"));
-            assert!(refused("/dev/video0", repeat).contains("a camera has no end"));
+            insta::assert_snapshot!(
+                refused("/dev/video0", both),
+                @"a format is for raw images: of a camera, the format that fits best is taken"
+            );
+            insta::assert_snapshot!(
+                refused("/dev/video0", repeat),
+                @"a loop is impossible: a camera has no end to begin again at"
+            );
         }
-        assert!(refused("-", repeat).contains("standard input cannot begin again"));
+        insta::assert_snapshot!(
+            refused("-", repeat),
+            @"a loop is impossible: standard input cannot begin again"
+        );
         let rate = OpenOptions { rate: Some(Rate::Max), ..OpenOptions::default() };
         for options in [rate, repeat] {
             assert!(refused("shm:front", options).contains("has its own pace"));
@@ -298,8 +312,14 @@ mod tests {
         let topic = OpenOptions { topic: Some("/a"), ..OpenOptions::default() };
         let camera_settings = CameraSettings { gain: Some(CameraSetting::Auto), ..CameraSettings::UNCHANGED };
         let set = OpenOptions { camera_settings, ..OpenOptions::default() };
-        assert!(refused("demo", set).starts_with("exposure and gain are for V4L2 cameras"));
-        assert!(refused("demo", topic).starts_with("topic `/a` is for recordings"));
+        insta::assert_snapshot!(
+            refused("demo", set),
+            @"exposure and gain are for V4L2 cameras, such as /dev/video0"
+        );
+        insta::assert_snapshot!(
+            refused("demo", topic),
+            @"topic `/a` is for recordings: `demo` has no topics"
+        );
     }
 
     #[test]
