@@ -1,13 +1,20 @@
-//! One suite for every sink: what it takes arrives, and a backend that is slow, fails, hangs during a stop or is used again
-//! does no harm to the stream. A new sink adds a line to [`CASES`].
+//! One suite for every sink: what it takes arrives, and a backend that is slow, fails, hangs during a stop or
+//! is used again does no harm to the stream. A new sink adds a line to [`CASES`].
+//!
+//! Shared memory is not a [`Sink`]. Its readers that are slow, hang or are killed are tested in `nunet-ipc`.
+
+#[cfg(feature = "foxglove")]
+mod foxglove_client;
+mod network;
 
 use std::io::{Read as _, Write as _};
-use std::net::{SocketAddr, TcpStream, UdpSocket};
+use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::sync::{Arc, LazyLock};
-use std::time::Duration;
+use std::sync::{Arc, LazyLock, Mutex};
+use std::time::{Duration, Instant};
 
 use nunet_core::cloud::CloudPoint;
 use nunet_core::depth::{DepthEncoding, Scale};
@@ -15,7 +22,7 @@ use nunet_core::obstacle::{Ground, ObstacleSector, Obstacles};
 #[cfg(feature = "foxglove")]
 use nunet_foxglove::FoxgloveConfig;
 use nunet_mavlink::MavlinkAddress;
-use nunet_ros2::{CameraOptions, Ros2Options};
+use nunet_ros2::{CameraOptions, Ros2Options, Topic, Topics};
 use nunet_sink::archive::Archive;
 use nunet_sink::last_frame::last_frame_into;
 use nunet_sink::mavlink::mavlink_sink;
@@ -28,6 +35,9 @@ use nunet_telemetry::{Counts, DrainTimeout, Totals};
 use nunet_types::ImageSize;
 use nunet_view::ViewOptions;
 
+#[cfg(feature = "foxglove")]
+use self::foxglove_client::SilentClient;
+use self::network::FakeNetwork;
 use super::*;
 use crate::Outcome;
 use crate::source::Frame;
@@ -36,14 +46,17 @@ use crate::source::Frame;
 const TIMEOUT: Duration = Duration::from_secs(60);
 const SIZE: ImageSize = ImageSize::new(2, 2);
 
-/// The behavior of a sink's backend.
+/// The behavior of a sink's backend: a disk, a network, or the clients of a server.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Backend {
     Good,
-    /// It does nothing until it is released.
+    /// It does nothing until it is released. A client is connected and does not read.
     Hanging,
+    /// A disk is full, a network refuses messages, a port is closed.
     Failing,
 }
+
+const BAD: [Backend; 2] = [Backend::Hanging, Backend::Failing];
 
 /// A sink with its backend.
 struct Rig {
@@ -52,25 +65,27 @@ struct Rig {
     release: Box<dyn FnOnce() + Send>,
     /// Whether so many frames of a good backend arrived.
     arrived: Box<dyn Fn(u64) -> bool>,
+    /// Whether the sink reports a loss at its end.
+    is_lost: bool,
+    /// Whether the counts are right after so many frames of a backend that hangs or fails.
+    is_counted: Box<dyn Fn(u64) -> bool>,
 }
 
 struct Case {
     name: &'static str,
     /// Opens the sink; all that it writes goes below the folder.
     open: fn(&Path, Backend) -> Rig,
-    /// It has a backend that can hang or fail.
-    can_fail: bool,
 }
 
 const CASES: &[Case] = &[
-    Case { name: "recording", open: recording, can_fail: true },
-    Case { name: "last frame", open: last_frame, can_fail: true },
-    Case { name: "metrics", open: metrics, can_fail: false },
-    Case { name: "view", open: view, can_fail: false },
-    Case { name: "mavlink", open: mavlink, can_fail: false },
-    Case { name: "ROS 2", open: ros2, can_fail: false },
+    Case { name: "recording", open: recording },
+    Case { name: "last frame", open: last_frame },
+    Case { name: "metrics", open: metrics },
+    Case { name: "view", open: view },
+    Case { name: "mavlink", open: mavlink },
+    Case { name: "ROS 2", open: ros2 },
     #[cfg(feature = "foxglove")]
-    Case { name: "Foxglove", open: foxglove, can_fail: false },
+    Case { name: "Foxglove", open: foxglove },
 ];
 
 /// An archive that writes a line per frame.
@@ -112,10 +127,14 @@ fn recording(folder: &Path, backend: Backend) -> Rig {
     let (release, released): (Sender<()>, _) = channel();
     let archive = Lines { path: path.clone(), backend, released };
     let expected = |frames| (0..frames).map(|number| format!("{number} 4\n")).collect::<String>();
+    let written = path.clone();
     Rig {
         sink: record_into(Box::new(archive), Arc::new(|| {})).unwrap(),
         release: Box::new(move || drop(release)),
         arrived: Box::new(move |frames| std::fs::read_to_string(&path).unwrap() == expected(frames)),
+        is_lost: backend != Backend::Good,
+        // All frames are lost.
+        is_counted: Box::new(move |_| !written.exists()),
     }
 }
 
@@ -139,6 +158,9 @@ fn last_frame(folder: &Path, backend: Backend) -> Rig {
         arrived: Box::new(move |_| {
             ["depth.npy", "labels.png", "cloud.ply"].iter().all(|file| written.join(file).is_file())
         }),
+        is_lost: backend != Backend::Good,
+        // It writes one frame and counts none.
+        is_counted: Box::new(|_| true),
     }
 }
 
@@ -152,46 +174,106 @@ fn get(address: SocketAddr, target: &str) -> String {
     String::from_utf8_lossy(&answer).into_owned()
 }
 
-fn metrics(_folder: &Path, _backend: Backend) -> Rig {
+/// A client that asks again and again, and reads no answer.
+fn ask_without_reading(address: SocketAddr, target: &str) -> TcpStream {
+    const MOST_REQUESTS: usize = 4096;
+    let mut stream = TcpStream::connect(address).unwrap();
+    stream.set_nonblocking(true).unwrap();
+    let request = format!("GET {target} HTTP/1.1\r\nHost: {address}\r\n\r\n");
+    for _ in 0..MOST_REQUESTS {
+        // An error: there is no room for more.
+        if stream.write_all(request.as_bytes()).is_err() {
+            break;
+        }
+    }
+    stream
+}
+
+/// Every frame is counted, also while clients do not read the counts.
+fn metrics(_folder: &Path, backend: Backend) -> Rig {
     let metrics = Metrics::default();
     let server = metrics::serve(&metrics, "127.0.0.1:0".parse().unwrap()).unwrap();
+    let address = server.address();
+    let has_counted = |text: &str, frames: u64| {
+        text.contains(&format!("nunet_latency_seconds_count{{camera=\"front\"}} {frames}\n"))
+            && text.contains("nunet_camera_up{camera=\"front\"} 0\n")
+    };
+    let sink = metrics_sink(&metrics, "front", ["queue", "graph", "publish"]);
+    let client = (backend == Backend::Hanging).then(|| ask_without_reading(address, "/metrics"));
+    let server = Some(server).filter(|_| backend != Backend::Failing);
+    let read = move || if backend == Backend::Failing { metrics.text() } else { get(address, "/metrics") };
     Rig {
-        sink: metrics_sink(&metrics, "front", ["queue", "graph", "publish"]),
-        release: Box::new(|| {}),
-        arrived: Box::new(move |frames| {
-            let answer = get(server.address(), "/metrics");
-            answer.contains(&format!("nunet_latency_seconds_count{{camera=\"front\"}} {frames}\n"))
-                && answer.contains("nunet_camera_up{camera=\"front\"} 0\n")
-        }),
+        sink,
+        release: Box::new(move || drop(client)),
+        arrived: Box::new(move |frames| server.is_some() && has_counted(&get(address, "/metrics"), frames)),
+        is_lost: false,
+        is_counted: Box::new(move |frames| has_counted(&read(), frames)),
     }
 }
 
-/// Viewers that do not read are tested in `nunet-view`.
-fn view(_folder: &Path, _backend: Backend) -> Rig {
+/// Viewers whose buffers are full are tested in `nunet-view`. Skipped frames are not counted: each viewer
+/// gets the newest one.
+fn view(_folder: &Path, backend: Backend) -> Rig {
     let server = ViewServer::open("127.0.0.1:0".parse().unwrap(), ViewOptions::default()).unwrap();
+    let (address, sink) = (server.address(), view_sink(&server, "front", &[]));
+    let viewer = (backend == Backend::Hanging).then(|| ask_without_reading(address, "/front/depth.mjpeg"));
+    let server = Some(server).filter(|_| backend != Backend::Failing);
+    let depth = move || get(address, "/front/depth.png");
     Rig {
-        sink: view_sink(&server, "front", &[]),
-        release: Box::new(|| {}),
+        sink,
+        release: Box::new(move || drop(viewer)),
         // The first frame is kept for viewers that come later.
-        arrived: Box::new(move |_| {
-            get(server.address(), "/front/depth.png").contains("x-nunet-sequence: 0\r\n")
-        }),
+        arrived: Box::new(move |_| server.is_some() && depth().contains("x-nunet-sequence: 0\r\n")),
+        is_lost: false,
+        // Other viewers see a frame.
+        is_counted: Box::new(move |_| backend == Backend::Failing || depth().contains("x-nunet-sequence: ")),
     }
 }
 
-/// A network loses messages without a notice; a lost TCP connection is tested in `nunet-mavlink`.
-fn mavlink(_folder: &Path, _backend: Backend) -> Rig {
+/// Counts the messages that the thread of a queue has finished. If the backend hangs, so does the thread.
+fn on_room_of(backend: Backend) -> (OnRoom, Arc<AtomicU64>, Sender<()>) {
+    let (release, released) = channel();
+    let (released, finished) = (Mutex::new(released), Arc::<AtomicU64>::default());
+    let count = Arc::clone(&finished);
+    let on_room = move || {
+        count.fetch_add(1, Ordering::Relaxed);
+        if backend == Backend::Hanging {
+            drop(released.lock().unwrap().recv_timeout(TIMEOUT));
+        }
+    };
+    (Arc::new(on_room), finished, release)
+}
+
+/// A network loses messages without a notice. How a lost TCP connection is opened again is tested in
+/// `nunet-mavlink`.
+fn mavlink(_folder: &Path, backend: Backend) -> Rig {
     let autopilot = UdpSocket::bind("127.0.0.1:0").unwrap();
     autopilot.set_read_timeout(Some(TIMEOUT)).unwrap();
-    let address = MavlinkAddress::Udp(autopilot.local_addr().unwrap().to_string());
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = match backend {
+        Backend::Good => MavlinkAddress::Udp(autopilot.local_addr().unwrap().to_string()),
+        // A peer that does not read, or a closed port.
+        Backend::Hanging | Backend::Failing => {
+            MavlinkAddress::Tcp(listener.local_addr().unwrap().to_string())
+        }
+    };
+    let listener = Some(listener).filter(|_| backend == Backend::Hanging);
+    let (on_room, finished, release) = on_room_of(backend);
     // Bytes 7 to 9 are the number of the message.
     let is_distance = |message: &[u8]| message[7..10] == [0x4a, 1, 0];
     Rig {
-        sink: mavlink_sink(address, Arc::new(|| {})).unwrap(),
-        release: Box::new(|| {}),
+        sink: mavlink_sink(address, on_room).unwrap(),
+        release: Box::new(move || drop((release, listener))),
         arrived: Box::new(move |_| {
             let mut buffer = [0; 300];
             std::iter::from_fn(|| autopilot.recv(&mut buffer).ok().map(|_| is_distance(&buffer))).any(|is| is)
+        }),
+        // A lost connection is opened again, and is no failure of the stream.
+        is_lost: backend == Backend::Hanging,
+        is_counted: Box::new(move |frames| match (backend, finished.load(Ordering::Relaxed)) {
+            (Backend::Hanging, finished) => finished <= 1,
+            // The first message is taken, and at most all.
+            (_, finished) => (1..=frames).contains(&finished),
         }),
     }
 }
@@ -207,40 +289,98 @@ static OBSTACLES: LazyLock<Obstacles> = LazyLock::new(|| Obstacles {
     used_labels: false,
 });
 
-/// Without subscribers, nothing is sent. Transports that refuse, hang and panic are tested in `nunet-ros2`; what arrives at
+/// Without subscribers, nothing is sent. Transports that panic are tested in `nunet-ros2`; what arrives at
 /// subscribers, by `cargo xtask test --ros2`.
-fn ros2(_folder: &Path, _backend: Backend) -> Rig {
-    let node = Ros2Node::open(&Ros2Options::default()).unwrap();
-    unread(|camera| node.add_camera(camera).unwrap())
+fn ros2(_folder: &Path, backend: Backend) -> Rig {
+    if backend == Backend::Good {
+        let node = Ros2Node::open(&Ros2Options::default()).unwrap();
+        return unread(|camera| node.add_camera(camera).unwrap());
+    }
+    let (release, released) = channel();
+    let labels = Topics::These([Topic::Labels].into());
+    let node = Ros2Node::over(Arc::new(FakeNetwork::new(backend, released)), "ROS 2", labels);
+    let (sink, counts) = with_counts(|camera| node.add_camera(camera).unwrap());
+    await_subscriber(sink.as_ref());
+    Rig {
+        sink,
+        release: Box::new(move || drop(release)),
+        arrived: Box::new(|_| false),
+        is_lost: backend == Backend::Hanging,
+        is_counted: Box::new(move |frames| {
+            let (not_taken, superseded) = (counts.not_taken(), counts.superseded());
+            let is_right = match backend {
+                // One is being sent, and one may wait.
+                Backend::Hanging => not_taken == 0 && (frames - 2..frames).contains(&superseded),
+                _ => not_taken > 0 && not_taken + superseded == frames,
+            };
+            is_right && counts.sent() == 0
+        }),
+    }
 }
 
-/// As [`ros2`]; clients that stall, die and send nonsense are tested in `nunet-foxglove`.
+/// As [`ros2`]; clients with full buffers, that die and send nonsense are tested in `nunet-foxglove`.
 #[cfg(feature = "foxglove")]
-fn foxglove(_folder: &Path, _backend: Backend) -> Rig {
+fn foxglove(_folder: &Path, backend: Backend) -> Rig {
     let config = FoxgloveConfig { address: "127.0.0.1:0".parse().unwrap(), is_public: false };
     let server = FoxgloveServer::open(config, 1).unwrap();
-    let rig = unread(|camera| server.add_camera(camera).unwrap());
-    Rig { release: Box::new(move || drop(server)), ..rig }
+    if backend == Backend::Good {
+        let rig = unread(|camera| server.add_camera(camera).unwrap());
+        return Rig { release: Box::new(move || drop(server)), ..rig };
+    }
+    let (sink, counts) = with_counts(|camera| server.add_camera(camera).unwrap());
+    let client = SilentClient::subscribe(server.address(), "/front/labels/image_raw");
+    await_subscriber(sink.as_ref());
+    let server = Some(server).filter(|_| backend == Backend::Hanging);
+    Rig {
+        sink,
+        release: Box::new(move || drop((client, server))),
+        arrived: Box::new(|_| false),
+        is_lost: false,
+        is_counted: Box::new(move |frames| {
+            let all = counts.sent() + counts.superseded();
+            // The server queues messages for its client. Without the server, nobody waits for a frame.
+            let is_right = if backend == Backend::Hanging { all == frames } else { all <= frames };
+            is_right && counts.not_taken() == 0
+        }),
+    }
 }
 
-/// A camera that nothing subscribes to.
-fn unread(add: impl FnOnce(&CameraOptions<'_>) -> Box<dyn Sink>) -> Rig {
+/// Waits until the sink knows that something subscribes to labels. From then on, each frame is a message.
+fn await_subscriber(sink: &dyn Sink) {
+    let start = Instant::now();
+    while !sink.wants().labels {
+        assert!(start.elapsed() < TIMEOUT, "the subscriber is not found");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// A camera with the counts of its messages.
+fn with_counts(add: impl FnOnce(&CameraOptions<'_>) -> Box<dyn Sink>) -> (Box<dyn Sink>, MessageCounts) {
     let counts = MessageCounts::default();
     let camera = CameraOptions {
         name: "front",
         frame_id: "eye",
         classes: &[],
         mount: None,
-        has_labels: false,
+        has_labels: true,
         has_confidence: false,
         has_obstacles: false,
         counts: &counts,
         about: &[],
     };
+    let sink = add(&camera);
+    (sink, counts)
+}
+
+/// A camera that nothing subscribes to.
+fn unread(add: impl FnOnce(&CameraOptions<'_>) -> Box<dyn Sink>) -> Rig {
+    let (sink, counts) = with_counts(add);
     Rig {
-        sink: add(&camera),
+        sink,
         release: Box::new(|| {}),
         arrived: Box::new(move |_| (counts.sent(), counts.not_taken(), counts.superseded()) == (0, 0, 0)),
+        is_lost: false,
+        is_counted: Box::new(|_| false),
     }
 }
 
@@ -275,7 +415,7 @@ fn feed(mut sink: Box<dyn Sink>, frames: u64, is_live: bool) -> FinishingSink {
         let timings = Timings { total_micros: 9, queue_micros: 1, inner_micros: &[5], publish_micros: 3 };
         sink.on_frame(&PublishedFrame { frame: &frame, camera: None, results: results(), timings });
         sink.on_status(&Status { is_up: true, counts: &counts, totals: &totals });
-        let start = std::time::Instant::now();
+        let start = Instant::now();
         while !sink.has_room() {
             assert!(!is_live, "a live source does not wait");
             assert!(start.elapsed() < TIMEOUT, "it never has room");
@@ -309,29 +449,52 @@ fn every_frame_of_a_source_that_waits_arrives_and_a_sink_can_be_opened_again() {
     }
 }
 
+/// The backend is released after all calls, so no call can have waited for it.
 #[test]
 fn a_hanging_sink_blocks_neither_live_frames_nor_the_shutdown_and_its_loss_is_counted() {
-    for case in CASES.iter().filter(|case| case.can_fail) {
+    for Case { name, open } in CASES {
         let folder = tempfile::tempdir().unwrap();
-        let Rig { sink, release, .. } = (case.open)(folder.path(), Backend::Hanging);
+        let rig = open(folder.path(), Backend::Hanging);
         let (done, fed) = channel();
+        let sink = rig.sink;
         let feeder = std::thread::spawn(move || done.send(feed(sink, 100, true)));
-        let finishing = fed.recv_timeout(TIMEOUT).unwrap_or_else(|_| panic!("{} blocks", case.name));
+        let finishing = fed.recv_timeout(TIMEOUT).unwrap_or_else(|_| panic!("{name} blocks"));
         feeder.join().unwrap().unwrap();
-        let mut after_stop = DrainTimeout::with(&|| true, Duration::ZERO, TIMEOUT);
+        // What waits for its backend is abandoned by the stop. Everything else ends without one.
+        let is_stopped = || rig.is_lost;
+        let mut after_stop = DrainTimeout::with(&is_stopped, Duration::ZERO, TIMEOUT);
         let outcome = finishing.wait(&mut after_stop);
-        assert!(!matches!(outcome, Ok(Outcome::Done)), "{}: {outcome:?}", case.name);
-        release();
+        assert_eq!(!matches!(outcome, Ok(Outcome::Done)), rig.is_lost, "{name}: {outcome:?}");
+        assert!((rig.is_counted)(100), "{name}");
+        (rig.release)();
     }
 }
 
+/// A disk that fails is a loss. A network or a client that is gone is none: the messages are counted.
 #[test]
 fn a_sink_that_fails_takes_all_frames_and_its_failure_is_reported_at_the_end() {
-    for case in CASES.iter().filter(|case| case.can_fail) {
+    for Case { name, open } in CASES {
         let folder = tempfile::tempdir().unwrap();
-        let Rig { sink, .. } = (case.open)(folder.path(), Backend::Failing);
-        let outcome = feed(sink, 20, false).wait(&mut unlimited());
-        assert!(!matches!(outcome, Ok(Outcome::Done)), "{}: {outcome:?}", case.name);
+        let rig = open(folder.path(), Backend::Failing);
+        let outcome = feed(rig.sink, 20, false).wait(&mut unlimited());
+        assert_eq!(!matches!(outcome, Ok(Outcome::Done)), rig.is_lost, "{name}: {outcome:?}");
+        assert!((rig.is_counted)(20), "{name}");
+    }
+}
+
+/// The stream is restarted after the disk, the network or the client was repaired.
+#[test]
+fn a_sink_can_be_opened_again_after_its_backend_hung_or_failed() {
+    for (Case { name, open }, before) in CASES.iter().flat_map(|case| BAD.map(|before| (case, before))) {
+        let folder = tempfile::tempdir().unwrap();
+        let rig = open(folder.path(), before);
+        let finishing = feed(rig.sink, 3, true);
+        (rig.release)();
+        // Whatever it reports: that it ended is enough here.
+        drop(finishing.wait(&mut unlimited()));
+        let again = open(folder.path(), Backend::Good);
+        assert_eq!(feed(again.sink, 3, false).wait(&mut unlimited()).unwrap(), Outcome::Done, "{name}");
+        assert!((again.arrived)(3), "{name} after {before:?}");
     }
 }
 
@@ -348,7 +511,7 @@ fn a_stream_without_a_frame_ends_without_an_error() {
 #[test]
 fn frames_that_wait_in_the_queue_are_written_after_a_hang() {
     let folder = tempfile::tempdir().unwrap();
-    let Rig { sink, release, arrived } = recording(folder.path(), Backend::Hanging);
+    let Rig { sink, release, arrived, .. } = recording(folder.path(), Backend::Hanging);
     // As many as the queue takes: none is dropped.
     let finishing = feed(sink, 8, true);
     release();
