@@ -29,6 +29,11 @@ const REGISTRY: &[&dyn SourceType] = &[
     &crate::files::ImageFiles,
 ];
 
+/// The place in [`REGISTRY`] of the kind of a name.
+fn index_of(name: &str) -> usize {
+    REGISTRY.iter().position(|kind| kind.is_named(name)).unwrap_or(REGISTRY.len() - 1)
+}
+
 /// A source that must not be read.
 struct NoFrames;
 
@@ -59,8 +64,18 @@ impl SourceName {
     /// Chooses the kind by the spelling of a name, and by the file at its path.
     #[must_use]
     pub fn parse(name: &str) -> Self {
-        let kind = REGISTRY.iter().find(|kind| kind.is_named(name)).unwrap_or(&REGISTRY[REGISTRY.len() - 1]);
-        Self { name: name.to_owned(), kind: *kind }
+        Self { name: name.to_owned(), kind: REGISTRY[index_of(name)] }
+    }
+
+    /// How many kinds there are, for tests that have a case for each.
+    #[doc(hidden)]
+    pub const KIND_COUNT: usize = REGISTRY.len();
+
+    /// The number of its kind, less than [`KIND_COUNT`](Self::KIND_COUNT).
+    #[doc(hidden)]
+    #[must_use]
+    pub fn kind_index(&self) -> usize {
+        index_of(&self.name)
     }
 
     /// The demo images.

@@ -1,11 +1,16 @@
-//! One suite that runs over all sources. A new source adds a line in
-//! [`all`].
+//! One suite that runs over all sources. A new source adds a line in [`CASES`].
 #![cfg(all(feature = "mcap", feature = "v4l2"))]
 #![expect(clippy::unwrap_used, reason = "a test may stop at the first thing that is wrong")]
 
-use std::collections::BTreeMap;
-use std::io::{Cursor, Read};
+mod suite;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::Permissions;
+use std::io::{BufRead as _, BufReader, Cursor, Read, Write as _};
+use std::net::{SocketAddr, TcpListener};
+use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
+use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -25,22 +30,110 @@ use {
     std::sync::atomic::AtomicUsize,
 };
 
-/// Bounds every loop.
-const MAX_CALLS: usize = 10_000;
+use self::suite::{MAX_CALLS, Offer, Subject, assert_frames, next};
 
-/// A source of three frames, of which the second cannot be read if the kind has bad frames, and the third is larger if the
-/// kind has sizes.
-struct Subject {
+/// A source of the suite.
+struct Case {
     name: &'static str,
-    source: Box<dyn Source>,
-    has_bad_frames: bool,
-    has_sizes: bool,
-    /// Called before each frame, for sources that show only the newest.
-    offer: Offer,
+    /// A name of a source of its kind, as users write it.
+    kind: &'static str,
+    has_end: bool,
+    /// Whether frames can be bad, and can differ in size.
+    varies: bool,
+    /// Opens it; its files go into the folder.
+    open: fn(&Path) -> (Box<dyn Source>, Offer),
 }
 
-/// Publishes the frame of a number.
-type Offer = Box<dyn FnMut(u64)>;
+/// Of the sources without an end, the demo repeats itself, shared memory and ROS 2 wait, and a command is
+/// started again.
+const CASES: &[Case] = &[
+    Case {
+        name: "images",
+        kind: "images",
+        has_end: true,
+        varies: true,
+        open: |folder| alone(folder_of_images(folder)),
+    },
+    Case {
+        name: "rotated images",
+        kind: "images",
+        has_end: true,
+        varies: true,
+        open: |folder| alone(rotated(folder_of_images(folder))),
+    },
+    Case {
+        name: "recording",
+        kind: "drive.mcap",
+        has_end: true,
+        varies: true,
+        open: |folder| alone(recording(folder)),
+    },
+    Case {
+        name: "split recording",
+        kind: "drive.mcap",
+        has_end: true,
+        varies: true,
+        open: |folder| alone(split_recording(folder)),
+    },
+    Case { name: "raw pipe", kind: "-", has_end: true, varies: false, open: |_| alone(raw_pipe()) },
+    Case { name: "Y4M pipe", kind: "-", has_end: true, varies: false, open: |_| alone(y4m_pipe()) },
+    Case { name: "JPEG pipe", kind: "-", has_end: true, varies: true, open: |_| alone(jpeg_pipe()) },
+    Case { name: "demo", kind: "demo", has_end: false, varies: true, open: |folder| alone(demo(folder)) },
+    Case {
+        name: "shared memory",
+        kind: "shm:front",
+        has_end: false,
+        varies: true,
+        open: |_| shared_memory("conformance"),
+    },
+    Case {
+        name: "rotated shared memory",
+        kind: "shm:front",
+        has_end: false,
+        varies: true,
+        open: |_| {
+            let (source, offer) = shared_memory("conformance_rotated");
+            (rotated(source), offer)
+        },
+    },
+    Case { name: "command", kind: "exec:cat", has_end: false, varies: false, open: |_| alone(command()) },
+    #[cfg(all(feature = "ros2-dds", feature = "ros2-zenoh"))]
+    Case { name: "ROS 2 over DDS", kind: ROS2, has_end: false, varies: true, open: |_| ros2(&dds()) },
+    #[cfg(all(feature = "ros2-dds", feature = "ros2-zenoh"))]
+    Case { name: "ROS 2 over Zenoh", kind: ROS2, has_end: false, varies: true, open: |_| ros2(&zenoh()) },
+];
+
+const ROS2: &str = "ros2:/front/image_raw";
+
+/// Kinds without a case, and why they have none.
+const WITHOUT_CASE: &[(&str, &str)] = &[
+    (
+        "rtsp://127.0.0.1/front",
+        "ffmpeg reads it: `a_network_camera_follows_the_rules` uses a process with another PATH",
+    ),
+    (
+        "/dev/video0",
+        "only the kernel makes devices: `src/v4l2/tests.rs` checks the rules with a simulated one",
+    ),
+    #[cfg(not(all(feature = "ros2-dds", feature = "ros2-zenoh")))]
+    (ROS2, "the tests of live topics need both networks"),
+];
+
+impl Case {
+    /// Opens it, in a folder of its own.
+    fn subject(&self, folder: &Path) -> Subject {
+        let own = folder.join(self.name.replace(' ', "_"));
+        std::fs::create_dir(&own).unwrap();
+        let (source, offer) = (self.open)(&own);
+        let Self { name, varies, .. } = *self;
+        Subject { name, source, has_bad_frames: varies, has_sizes: varies, offer }
+    }
+}
+
+/// A source that needs nobody to publish its frames.
+fn alone(source: Box<dyn Source>) -> (Box<dyn Source>, Offer) {
+    (source, Box::new(|_| {}))
+}
 
 fn png(side: u32) -> Vec<u8> {
     let mut file = Cursor::new(Vec::new());
@@ -290,103 +383,93 @@ fn rotated(source: Box<dyn Source>) -> Box<dyn Source> {
     Box::new(Rotated::new(source, Some(Rotation::Quarter)))
 }
 
-/// Every source that has an end.
-fn all(folder: &Path) -> Vec<Subject> {
-    let within = |name: &str| {
-        let inner = folder.join(name);
-        std::fs::create_dir(&inner).unwrap();
-        inner
-    };
-    let subject = |name, source, has_bad_frames, has_sizes| {
-        let offer = Box::new(|_| {});
-        Subject { name, source, has_bad_frames, has_sizes, offer }
-    };
-    vec![
-        subject("images", folder_of_images(&within("images")), true, true),
-        subject("rotated images", rotated(folder_of_images(&within("rotated"))), true, true),
-        subject("recording", recording(&within("recording")), true, true),
-        subject("split recording", split_recording(&within("split")), true, true),
-        subject("raw pipe", raw_pipe(), false, false),
-        subject("Y4M pipe", y4m_pipe(), false, false),
-        subject("JPEG pipe", jpeg_pipe(), true, true),
-    ]
-}
-
-/// Every source without an end: the demo repeats itself, shared memory and ROS 2 wait, and a command is started again.
-fn endless(folder: &Path) -> Vec<Subject> {
-    let (source, offer) = shared_memory("conformance");
-    let (turned, offer_turned) = shared_memory("conformance_rotated");
-    let subject = |name, source, offer, varies| Subject {
-        name,
-        source,
-        has_bad_frames: varies,
-        has_sizes: varies,
-        offer,
-    };
-    #[allow(unused_mut, reason = "a build without ROS 2 adds nothing")]
-    let mut all = vec![
-        subject("demo", demo(folder), Box::new(|_| {}), true),
-        subject("shared memory", source, offer, true),
-        subject("rotated shared memory", rotated(turned), offer_turned, true),
-        subject("command", command(), Box::new(|_| {}), false),
-    ];
-    #[cfg(all(feature = "ros2-dds", feature = "ros2-zenoh"))]
-    for (name, network) in [("ROS 2 over DDS", dds()), ("ROS 2 over Zenoh", zenoh())] {
-        let (source, offer) = ros2(&network);
-        all.push(subject(name, source, offer, true));
-    }
-    all
-}
-
-/// The next fill that is more than nothing.
-fn next(source: &mut dyn Source, frame: &mut Frame) -> Fill {
-    for _ in 0..MAX_CALLS {
-        match source.fill(frame) {
-            Fill::Nothing | Fill::Crowded => {}
-            fill => return fill,
-        }
-    }
-    panic!("nothing comes")
+#[test]
+fn every_kind_of_source_has_a_case_or_a_reason_why_it_has_none() {
+    let with_case = CASES.iter().map(|case| case.kind);
+    let without_case = WITHOUT_CASE.iter().map(|(kind, _)| *kind);
+    let found = with_case.chain(without_case).map(|kind| SourceName::parse(kind).kind_index());
+    let found: BTreeSet<usize> = found.collect();
+    let missing = (0..SourceName::KIND_COUNT).filter(|index| !found.contains(index));
+    let missing: Vec<usize> = missing.collect();
+    assert!(missing.is_empty(), "these lines of REGISTRY have no case: {missing:?}");
 }
 
 #[test]
 fn a_bad_frame_fails_alone_and_sizes_may_change() {
     let folder = tempfile::tempdir().unwrap();
-    let subjects = all(folder.path()).into_iter().chain(endless(folder.path()));
-    for Subject { name, mut source, has_bad_frames, has_sizes, mut offer } in subjects {
-        let mut frame = Frame::default();
-        let mut seen = Vec::new();
-        for expected in 0..3 {
-            offer(expected);
-            let fill = next(source.as_mut(), &mut frame);
-            assert!(fill.had_frame(), "{name}: {fill:?}");
-            assert_eq!(frame.sequence, expected, "{name}: bad frames count too");
-            match fill {
-                Fill::Failed(error) => {
-                    assert_eq!(error.kind(), SourceErrorKind::BadFrame, "{name}: {error:#}");
-                    seen.push(None);
-                }
-                _ => {
-                    let view = frame.view().unwrap();
-                    assert_eq!(
-                        view.bytes().len(),
-                        view.format().byte_len(view.width(), view.height(), view.row_stride())
-                    );
-                    seen.push(Some(frame.size));
-                }
+    CASES.iter().for_each(|case| assert_frames(case.subject(folder.path())));
+}
+
+/// Stands for ffmpeg: asks a camera for its video, and passes it on.
+const FFMPEG: &str = r#"#!/usr/bin/env python3
+import socket
+import sys
+
+url = sys.argv[sys.argv.index("-i") + 1]
+host, port = url.split("/")[2].split(":")
+with socket.create_connection((host, int(port)), 60) as camera:
+    camera.sendall(f"DESCRIBE {url}\n".encode())
+    while part := camera.recv(65536):
+        sys.stdout.buffer.write(part)
+        sys.stdout.buffer.flush()
+"#;
+
+/// A network camera. A connection ends after two frames, so that the third comes over another one; those to
+/// other places than `/front` stay open and silent.
+fn network_camera() -> SocketAddr {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    let video = [&b"YUV4MPEG2 W2 H2 F25:1 Cmono\n"[..], &b"FRAME\n\x01\x02\x03\x04".repeat(2)].concat();
+    std::thread::spawn(move || {
+        let mut silent = Vec::new();
+        for stream in listener.incoming().take(MAX_CALLS) {
+            let mut stream = stream.unwrap();
+            let mut request = String::new();
+            // After an error, the request is incomplete.
+            BufReader::new(&stream).read_line(&mut request).unwrap_or_default();
+            if request == format!("DESCRIBE rtsp://{address}/front\n") {
+                stream.write_all(&video).unwrap_or_default();
+            } else {
+                silent.push(stream);
             }
         }
-        let small = ImageSize::new(2, 2);
-        let last = if has_sizes { ImageSize::new(4, 4) } else { small };
-        let bad = (!has_bad_frames).then_some(small);
-        assert_eq!(seen, [Some(small), bad, Some(last)], "{name}");
+    });
+    address
+}
+
+/// The address of the network camera, for the process that reads it.
+const CAMERA: &str = "NUNET_SOURCE_TEST_CAMERA";
+
+/// ffmpeg is found by PATH, which no test may change for the others: another process reads the camera.
+#[test]
+fn a_network_camera_follows_the_rules() {
+    if let Ok(address) = std::env::var(CAMERA) {
+        assert_returns_nothing("silent network camera", open(&format!("rtsp://{address}/silent")));
+        let (source, offer) = alone(open(&format!("rtsp://{address}/front")));
+        let name = "network camera";
+        assert_frames(Subject { name, source, has_bad_frames: false, has_sizes: false, offer });
+        return;
     }
+    let folder = tempfile::tempdir().unwrap();
+    let ffmpeg = folder.path().join("ffmpeg");
+    std::fs::write(&ffmpeg, FFMPEG).unwrap();
+    std::fs::set_permissions(&ffmpeg, Permissions::from_mode(0o755)).unwrap();
+    let path = std::env::var("PATH").unwrap();
+    let reader = Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", "a_network_camera_follows_the_rules", "--nocapture"])
+        .env(CAMERA, network_camera().to_string())
+        .env("PATH", format!("{}:{path}", folder.path().display()))
+        .output()
+        .unwrap();
+    let [printed, errors] = [&reader.stdout, &reader.stderr].map(|text| String::from_utf8_lossy(text));
+    assert!(reader.status.success() && printed.contains("1 passed"), "{printed}{errors}");
 }
 
 #[test]
 fn after_the_end_every_further_call_is_the_end() {
     let folder = tempfile::tempdir().unwrap();
-    for Subject { name, mut source, .. } in all(folder.path()) {
+    for case in CASES.iter().filter(|case| case.has_end) {
+        let Subject { name, mut source, .. } = case.subject(folder.path());
         let mut frame = Frame::default();
         for _ in 0..3 {
             assert!(next(source.as_mut(), &mut frame).had_frame(), "{name}");
@@ -432,6 +515,19 @@ impl Read for Silent {
     }
 }
 
+/// Asks on a thread of its own: a source that blocks would block forever.
+fn assert_returns_nothing(name: &str, mut source: Box<dyn Source>) {
+    let (send, asked) = std::sync::mpsc::channel();
+    std::thread::spawn(move || {
+        let fill = source.fill(&mut Frame::default());
+        // The source is given back: dropping it ends what it started.
+        send.send((matches!(fill, Fill::Nothing), source))
+    });
+    let (is_nothing, _source) =
+        asked.recv_timeout(Duration::from_secs(60)).unwrap_or_else(|_| panic!("{name} blocks"));
+    assert!(is_nothing, "{name}");
+}
+
 /// No source blocks, so that a stop is noticed between two calls.
 #[test]
 fn a_source_that_waits_returns_nothing_so_that_a_stop_is_noticed() {
@@ -449,14 +545,8 @@ fn a_source_that_waits_returns_nothing_so_that_a_stop_is_noticed() {
         ("shared memory of nobody", open(&format!("shm:{}", camera("nobody")))),
         ("shared memory without frames", open(&format!("shm:{silent}"))),
     ];
-    for (name, mut source) in subjects {
-        let (send, asked) = std::sync::mpsc::channel();
-        // On a thread of its own: a source that blocks would block forever.
-        std::thread::spawn(move || {
-            let fill = source.fill(&mut Frame::default());
-            send.send(matches!(fill, Fill::Nothing)).unwrap();
-        });
-        assert_eq!(asked.recv_timeout(Duration::from_secs(60)), Ok(true), "{name}");
+    for (name, source) in subjects {
+        assert_returns_nothing(name, source);
     }
 }
 

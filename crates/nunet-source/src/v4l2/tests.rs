@@ -1,11 +1,15 @@
 //! The policy with a simulated machine: its time advances in waits, and cameras are plugged in and out.
 
+#[path = "../../tests/suite/mod.rs"]
+mod suite;
+
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use image::{Rgb, RgbImage};
 use nunet_core::frame::PixelFormat;
 
+use self::suite::{Subject, assert_frames};
 use super::device::{BufferFormat, Capability, ControlRange, Errno, FourCc, Interval, Intervals, Sizes};
 use super::*;
 use crate::{CameraSetting, CameraSettings};
@@ -383,6 +387,24 @@ fn each_bad_image_is_an_error_and_the_next_good_one_is_taken() {
     assert_eq!((frame.sequence, frame.segment), (3, 0), "bad ones count, and the stream goes on");
     let world = host.world();
     assert_eq!((world.held, world.tries.len()), (0, 1));
+}
+
+/// The rules that `tests/conformance.rs` checks for other sources.
+#[test]
+fn a_camera_follows_the_rules_of_all_sources() {
+    const SMALL: ImageSize = ImageSize::new(2, 2);
+    let host = FakeHost::with(vec![one(GREY, SMALL, 30.0)]);
+    let mut video = host.try_open(RequestedMode { size: SMALL, ..REQUESTED }).unwrap();
+    assert!(matches!(next(&mut video), Err(Fill::Nothing)));
+    // The second image is too short.
+    let offer = move |number: u64| host.shoot(vec![9_u8; if number == 1 { 3 } else { 4 }]);
+    assert_frames(Subject {
+        name: "V4L2",
+        source: Box::new(video),
+        has_bad_frames: true,
+        has_sizes: false,
+        offer: Box::new(offer),
+    });
 }
 
 #[test]
