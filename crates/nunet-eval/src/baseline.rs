@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use nunet_core::depth::DepthKind;
 use nunet_files::write_npy;
 use nunet_types::ImageSize;
 use serde::Serialize;
 
-use crate::comparison::{Comparison, DepthKind};
+use crate::comparison::Comparison;
 use crate::dataset::{Dataset, read_ids};
 use crate::error::EvalError;
 use crate::event::{Event, OnEvent};

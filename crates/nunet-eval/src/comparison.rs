@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use nunet_core::depth::DepthKind;
 use nunet_types::ImageSize;
 
 use crate::error::EvalError;
@@ -65,17 +66,6 @@ impl TruthRange {
             self.ends_m = Some((near.min(truth_m), far.max(truth_m)));
         }
     }
-}
-
-/// The meaning of predicted values.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum DepthKind {
-    /// Meters.
-    Metric,
-    /// Already stretched to 0..1.
-    MinMax,
-    /// Without a unit.
-    Relative,
 }
 
 impl Comparison {

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use image::RgbImage;
-use nunet_core::depth::DepthEncoding;
+use nunet_core::depth::DepthKind;
 use nunet_core::obstacle::DepthImage;
 use nunet_core::pipeline::{Outputs, Pipeline};
 use nunet_engine::ModelName;
@@ -12,7 +12,7 @@ use nunet_source::{CameraResolver, Frame};
 use nunet_types::Units;
 
 use crate::baseline::Baseline;
-use crate::comparison::{Comparison, DepthKind};
+use crate::comparison::Comparison;
 use crate::dataset::{Dataset, ImageMounts, Truth, is_recording, refuse_own_depth};
 use crate::error::EvalError;
 use crate::event::{Event, OnEvent};
@@ -117,11 +117,7 @@ impl Evaluation {
     ) -> Self {
         let pixels = pipeline.size().pixel_count();
         let description = pipeline.graph().description();
-        let kind = match description.encoding {
-            DepthEncoding::MinMax => DepthKind::MinMax,
-            DepthEncoding::Relative | DepthEncoding::RelativeInverse => DepthKind::Relative,
-            DepthEncoding::Metric | DepthEncoding::Inverse | DepthEncoding::Log => DepthKind::Metric,
-        };
+        let kind = description.encoding.kind();
         Self {
             is_clip: options.clip || is_recording(&options.dataset),
             frame: Frame::default(),

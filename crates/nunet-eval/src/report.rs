@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use nunet_core::depth::DepthKind;
 use nunet_core::pipeline::Pipeline;
 use nunet_engine::ModelName;
 use nunet_files::write_whole;
@@ -9,7 +10,7 @@ use nunet_types::{CONTRACT_VERSION, ScaleSource, counted, printable};
 use serde::Serialize;
 
 use crate::baseline::{Baseline, BaselineSource};
-use crate::comparison::{Comparison, DepthKind};
+use crate::comparison::Comparison;
 use crate::error::EvalError;
 use crate::metrics::{DepthMetrics, DepthScores, LabelMetrics, LabelScores};
 use crate::obstacles::ObstacleScores;

@@ -1,78 +1,6 @@
 //! Decoding of network outputs, in place.
 
-use std::fmt;
-use std::str::FromStr;
-
 use super::DepthError;
-
-/// The meaning of a network's output value `v`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum DepthEncoding {
-    /// Meters: z = v.
-    Metric,
-    /// Inverse meters: z = 1 / v.
-    Inverse,
-    /// Logarithm of meters: z = exp(v).
-    Log,
-    /// Depth without a unit, larger = farther: z = v.
-    Relative,
-    /// Inverse depth without a unit, larger = nearer, as `MiDaS` and Depth Anything output it: z = 1 / v.
-    RelativeInverse,
-    /// 0 for the nearest point of an image to 1 for the farthest, without a unit. Values outside are clamped.
-    MinMax,
-}
-
-impl DepthEncoding {
-    /// All encodings, in the order of the documentation.
-    pub const ALL: [Self; 6] =
-        [Self::Metric, Self::Inverse, Self::Log, Self::Relative, Self::RelativeInverse, Self::MinMax];
-
-    /// The name in metadata and sidecars.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Metric => "metric",
-            Self::Inverse => "inverse",
-            Self::Log => "log",
-            Self::Relative => "relative",
-            Self::RelativeInverse => "relative_inverse",
-            Self::MinMax => "minmax",
-        }
-    }
-
-    /// Whether the decoded values are meters.
-    #[must_use]
-    pub fn is_metric(self) -> bool {
-        matches!(self, Self::Metric | Self::Inverse | Self::Log)
-    }
-
-    /// Decodes network outputs to depth in place, and returns the number of invalid values (NaN).
-    ///
-    /// `output` is applied first. For the metric encodings a depth outside `range` is not a measurement; valid depth is
-    /// multiplied by `focal_factor`. The range is the network's, so it is checked before the factor. The other encodings
-    /// ignore both.
-    pub fn decode(
-        self,
-        values: &mut [f32],
-        output: OutputScale,
-        range: DepthRange,
-        focal_factor: f32,
-    ) -> u32 {
-        let OutputScale { scale, shift } = output;
-        let v = |value: f32| scale * value + shift;
-        match self {
-            Self::Metric => range.apply(values, focal_factor, v),
-            Self::Inverse => range.apply(values, focal_factor, |value| 1.0 / v(value)),
-            Self::Log => range.apply(values, focal_factor, |value| v(value).exp()),
-            Self::Relative => replace_each(values, |value| (v(value), v(value).is_finite())),
-            Self::RelativeInverse => replace_each(values, |value| {
-                let z = 1.0 / v(value);
-                (z, z > 0.0 && z.is_finite())
-            }),
-            Self::MinMax => replace_each(values, |value| (v(value).clamp(0.0, 1.0), v(value).is_finite())),
-        }
-    }
-}
 
 /// A linear map of a network's output before it is decoded: `v = scale * output + shift`.
 ///
@@ -126,23 +54,6 @@ impl Default for OutputScale {
     }
 }
 
-impl fmt::Display for DepthEncoding {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.name())
-    }
-}
-
-impl FromStr for DepthEncoding {
-    type Err = DepthError;
-
-    fn from_str(text: &str) -> Result<Self, DepthError> {
-        Self::ALL
-            .into_iter()
-            .find(|encoding| encoding.name() == text)
-            .ok_or_else(|| DepthError::UnknownEncoding { text: text.to_owned() })
-    }
-}
-
 /// The depths that a network can measure. Depth outside is not a measurement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DepthRange {
@@ -187,6 +98,29 @@ impl DepthRange {
     }
 }
 
+/// A network's output, which a [`DepthEncoding`](super::DepthEncoding) decodes in place.
+pub(super) struct NetworkOutput<'a> {
+    pub(super) values: &'a mut [f32],
+    pub(super) scale: OutputScale,
+    pub(super) range: DepthRange,
+    pub(super) focal_factor: f32,
+}
+
+impl NetworkOutput<'_> {
+    /// Decodes to meters by `depth_m`. Returns the number of values out of range, which become NaN.
+    pub(super) fn meters(self, depth_m: impl Fn(f32) -> f32) -> u32 {
+        let OutputScale { scale, shift } = self.scale;
+        self.range.apply(self.values, self.focal_factor, |value| depth_m(scale * value + shift))
+    }
+
+    /// Decodes to depth without a unit; `decoded` returns it and whether it is valid. Returns the number of
+    /// invalid values, which become NaN.
+    pub(super) fn unitless(self, decoded: impl Fn(f32) -> (f32, bool)) -> u32 {
+        let OutputScale { scale, shift } = self.scale;
+        replace_each(self.values, |value| decoded(scale * value + shift))
+    }
+}
+
 /// Replaces each value by what `decoded` returns for it, or by NaN if that is invalid, and counts the latter.
 ///
 /// No branch and no early exit, so that the compiler can vectorize it.
@@ -203,6 +137,7 @@ fn replace_each(values: &mut [f32], decoded: impl Fn(f32) -> (f32, bool)) -> u32
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::depth::DepthEncoding;
     use proptest::prelude::*;
 
     const NAN: f32 = f32::NAN;
@@ -325,15 +260,6 @@ mod tests {
         for (min_m, max_m) in [(1.0, 1.0), (2.0, 1.0), (-1.0, 1.0), (NAN, 1.0), (0.0, f32::INFINITY)] {
             assert!(DepthRange::new(min_m, max_m).is_err(), "{min_m} {max_m}");
         }
-    }
-
-    #[test]
-    fn names_are_read_as_they_are_written() {
-        for encoding in DepthEncoding::ALL {
-            assert_eq!(encoding.to_string().parse(), Ok(encoding));
-        }
-        let error = "meters".parse::<DepthEncoding>().unwrap_err();
-        assert_eq!(error, DepthError::UnknownEncoding { text: "meters".to_owned() });
     }
 
     proptest! {

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 
 use nunet_types::Hint;
 
+use super::DepthEncoding;
 use crate::error_kind::ErrorKind;
 
 /// Why the description of a network's depth is invalid.
@@ -45,9 +46,7 @@ impl DepthError {
 impl Hint for DepthError {
     fn hint(&self) -> Option<Cow<'static, str>> {
         match self {
-            Self::UnknownEncoding { .. } => {
-                Some("use one of metric, inverse, log, relative, relative_inverse, minmax".into())
-            }
+            Self::UnknownEncoding { .. } => Some(format!("use one of {}", DepthEncoding::names()).into()),
             Self::Range { .. } | Self::OutputScale { .. } => None,
         }
     }

@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use nunet_types::Hint;
 
 use super::SidecarError;
+use crate::depth::DepthEncoding;
 use crate::error_kind::ErrorKind;
 use crate::text::shortened;
 
@@ -86,7 +87,7 @@ impl Hint for ModelError {
                 Some("export the model again with the recipe of this release, or use the release it was made for".into())
             }
             Self::Invalid { key: "nunet.depth.encoding", .. } => {
-                Some("use one of metric, inverse, log, relative, relative_inverse, minmax".into())
+                Some(format!("use one of {}", DepthEncoding::names()).into())
             }
             Self::Invalid { key: "nunet.state", .. } => Some(
                 "list each input and output once, with a fixed positive shape; a network without state has no such key"

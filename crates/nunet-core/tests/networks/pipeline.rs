@@ -2,7 +2,7 @@
 
 use nunet_core::camera::{Camera, Intrinsics};
 use nunet_core::cloud::CloudPoint;
-use nunet_core::depth::{ScaleSource, Units};
+use nunet_core::depth::{DepthEncoding, ScaleSource, Units};
 use nunet_core::frame::{ImageView, PixelFormat};
 use nunet_core::model::selftest;
 use nunet_core::pipeline::{FrameReport, Outputs, Pipeline, PipelineOptions};
@@ -39,14 +39,16 @@ fn depth_of(pipeline: &mut Pipeline, rgb: &[u8]) -> (Vec<f32>, FrameReport) {
 fn every_encoding_is_decoded_and_invalid_pixels_are_counted() {
     let rgb = image(SIZE);
     let numbers: Vec<f32> = pixels(&rgb).map(models::plain_depth).collect();
-    for (encoding, units, decode) in [
+    let cases = [
         ("metric", Units::Metre, (|v| v) as fn(f32) -> f32),
         ("inverse", Units::Metre, |v| 1.0 / v),
         ("log", Units::Metre, f32::exp),
         ("relative", Units::Relative, |v| v),
         ("relative_inverse", Units::Relative, |v| 1.0 / v),
         ("minmax", Units::Relative, |v| v.clamp(0.0, 1.0)),
-    ] {
+    ];
+    assert_eq!(cases.map(|(encoding, ..)| encoding), DepthEncoding::ALL.map(DepthEncoding::name));
+    for (encoding, units, decode) in cases {
         let model = models::unet(SIZE)
             .metadata("nunet.depth.encoding", encoding)
             .metadata("nunet.depth.min_m", "0.0625")
