@@ -130,12 +130,7 @@ fn set_pinhole(header: &mut FrameHeader, [fx, fy, cx, cy]: [f64; 4]) -> Result<(
 }
 
 fn set_lens(header: &mut FrameHeader, model: DistortionModel, coefficients: &[f64]) -> Result<(), Failure> {
-    let most = match model {
-        DistortionModel::None => 0,
-        DistortionModel::BrownConrady => header.distortion.len(),
-        DistortionModel::KannalaBrandt => 4,
-    };
-    let count = coefficients.len();
+    let (count, most) = (coefficients.len(), model.max_coefficients());
     if count > most {
         return Err(Failure::argument(format!(
             "`coefficient_count` is `{count}`, but `{model}` has {most} coefficients at most"

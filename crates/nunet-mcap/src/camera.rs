@@ -4,9 +4,6 @@ use nunet_types::ImageSize;
 
 use crate::messages::{CameraInfo, Header, RegionOfInterest};
 
-/// ROS' name for the fisheye model.
-const FISHEYE: &str = "equidistant";
-
 /// The description of a camera in a recording.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct CameraDescription {
@@ -18,7 +15,8 @@ pub struct CameraDescription {
     pub intrinsics: [f64; 4],
     /// The skew `K[0][1]`, pixels; 0 for almost every camera.
     pub skew: f64,
-    /// `plumb_bob`, `rational_polynomial`, `equidistant` ...; empty for none.
+    /// The lens model as the recording names it, such as `plumb_bob`; Foxglove and some drivers use other
+    /// names than ROS. Empty for none.
     pub distortion_model: String,
     /// Its coefficients, in the model's order.
     pub coefficients: Vec<f64>,
@@ -99,17 +97,9 @@ impl CameraDescription {
         Self::of_camera_matrix(size, &[fx, 0.0, cx, 0.0, fy, cy], "", Vec::new())
     }
 
-    /// Whether the lens is a fisheye (the model of Kannala and Brandt).
-    #[must_use]
-    pub fn is_fisheye(&self) -> bool {
-        self.distortion_model == FISHEYE
-    }
-
     /// From the matrix K, row by row.
     fn of_camera_matrix(size: ImageSize, k: &[f64], model: &str, coefficients: Vec<f64>) -> Self {
         let &[fx, skew, cx, _, fy, cy, ..] = k else { return Self::unusable("K is too short".to_owned()) };
-        // Foxglove and some drivers use another name for the model.
-        let model = if matches!(model, "kannala_brandt" | "fisheye") { FISHEYE } else { model };
         Self {
             width: size.width,
             height: size.height,
@@ -155,12 +145,6 @@ mod tests {
 
     fn of(k: &[f64], p: &[f64], model: &str, rectified: bool) -> CameraDescription {
         CameraDescription::of_matrices(SIZE, CameraMatrices { k, p }, model, vec![0.1; 4], rectified)
-    }
-
-    #[test]
-    fn foxgloves_fisheye_is_ros() {
-        assert!(of(&K, &P, "kannala_brandt", false).is_fisheye());
-        assert!(!of(&K, &P, "plumb_bob", false).is_fisheye());
     }
 
     #[test]

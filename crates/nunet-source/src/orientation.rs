@@ -3,7 +3,7 @@
 //! may swap, the principal point moves, and the lens is mirrored.
 
 use image::metadata::Orientation;
-use nunet_core::camera::{BrownConrady, Camera, CameraError, Distortion, Intrinsics};
+use nunet_core::camera::{Camera, CameraError, Intrinsics};
 
 /// How the stored image becomes the upright one: with `swap`, columns and rows are exchanged first; then
 /// each axis with its flag set is reversed.
@@ -54,27 +54,14 @@ pub(crate) fn oriented_camera(camera: &Camera, orientation: Orientation) -> Resu
     };
     let (cx, cy) = (mirrored(transform.backwards_x, cx, width), mirrored(transform.backwards_y, cy, height));
     let intrinsics = Intrinsics::new(fx, fy, cx, cy, width, height)?;
-    Ok(Camera { intrinsics, distortion: oriented_lens(&camera.distortion, &transform)? })
-}
-
-/// Radial coefficients do not change. Tangential coefficients (`p2 p1`) and those of the thin prism (`s1 s3`,
-/// `s2 s4`) are vectors of the image plane.
-fn oriented_lens(lens: &Distortion, transform: &ImageTransform) -> Result<Distortion, CameraError> {
-    let Distortion::BrownConrady(lens) = lens else { return Ok(*lens) };
-    let [k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tilt_x, tilt_y] = *lens.coefficients();
-    if (tilt_x, tilt_y) != (0.0, 0.0) {
-        return Err(CameraError::TiltedSensor);
-    }
-    let [p2, p1] = transform.vector([p2, p1]);
-    let [s1, s3] = transform.vector([s1, s3]);
-    let [s2, s4] = transform.vector([s2, s4]);
-    let turned = [k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, 0.0, 0.0];
-    BrownConrady::new(&turned).map(Distortion::BrownConrady)
+    let distortion = camera.distortion.transformed(|vector| transform.vector(vector))?;
+    Ok(Camera { intrinsics, distortion })
 }
 
 #[cfg(test)]
 mod tests {
     use image::{DynamicImage, GrayImage, Luma};
+    use nunet_core::camera::{BrownConrady, Distortion};
 
     use super::*;
 

@@ -1,7 +1,7 @@
 //! Images of ROS 2 and Foxglove, recorded or live, as frames.
 
 use image::metadata::Orientation;
-use nunet_core::camera::{Calibration, Camera, RosCameraInfo};
+use nunet_core::camera::{Calibration, Camera, Distortion, RosCameraInfo};
 use nunet_core::frame::PixelFormat;
 use nunet_mcap::{BayerPattern, CameraDescription, ImageEncoding, RecordedImage};
 use nunet_types::{ImageSize, MAX_FRAME_ID, SensorRegion};
@@ -181,9 +181,10 @@ fn camera(
         return Err(fault.clone());
     }
     let [fx, fy, cx, cy] = described.intrinsics;
-    // Four zeros of a fisheye are an ideal fisheye, not a pinhole.
+    // Four zeros of a fisheye are an ideal fisheye, not a pinhole. Zeros of unknown models are a pinhole.
     let straight = described.coefficients.iter().all(|&coefficient| coefficient == 0.0);
-    let is_pinhole = described.coefficients.is_empty() || (straight && !described.is_fisheye());
+    let is_empty = described.coefficients.is_empty();
+    let is_pinhole = is_empty || (straight && !Distortion::zeros_distort(&described.distortion_model));
     let (distortion_model, d): (&str, &[f64]) =
         if is_pinhole { ("", &[]) } else { (&described.distortion_model, &described.coefficients) };
     let k = [fx, described.skew, cx, 0.0, fy, cy, 0.0, 0.0, 1.0];
@@ -219,6 +220,28 @@ mod tests {
         assert_eq!(lens(&barrel), Ok(("plumb_bob", barrel.to_vec())));
         assert_eq!((lens(&[]), lens(&[0.0; 5])), (Ok(none.clone()), Ok(none)));
         assert!(lens(&[0.1; 3]).is_err());
+    }
+
+    #[test]
+    fn zeros_are_a_fisheye_by_all_of_its_names_and_otherwise_a_pinhole() {
+        let lens = |name: &str| {
+            let described = CameraDescription {
+                width: 640,
+                height: 480,
+                intrinsics: [500.0, 500.0, 320.0, 240.0],
+                distortion_model: name.to_owned(),
+                coefficients: vec![0.0; 4],
+                ..CameraDescription::default()
+            };
+            camera(&described, ImageSize::new(640, 480), Orientation::NoTransforms, &mut Vec::new())
+                .map(|camera| camera.distortion)
+        };
+        for name in ["equidistant", "kannala_brandt", "fisheye"] {
+            assert!(matches!(lens(name), Ok(Distortion::KannalaBrandt(_))), "{name}: {:?}", lens(name));
+        }
+        for name in ["plumb_bob", "rational_polynomial", "", "a model that nobody knows"] {
+            assert_eq!(lens(name), Ok(Distortion::None), "{name}");
+        }
     }
 
     #[test]

@@ -18,6 +18,18 @@ vocabulary! {
     }
 }
 
+impl DistortionModel {
+    /// How many coefficients the model has at most.
+    #[must_use]
+    pub const fn max_coefficients(self) -> usize {
+        match self {
+            Self::None => 0,
+            Self::BrownConrady => MAX_COEFFICIENTS,
+            Self::KannalaBrandt => 4,
+        }
+    }
+}
+
 /// A camera's intrinsics and lens as plain numbers, at one image size. The numbers are unchecked: the crate that computes with
 /// a camera does that.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,13 +1,12 @@
 //! The lens of most cameras: radial, tangential, thin prism and tilt distortion.
 
 use nalgebra::{Matrix2, Matrix3, Point2, Vector2};
+use nunet_types::DistortionModel;
 
 use super::CameraError;
 use super::coefficients::{MAX_COEFFICIENTS, checked};
+use super::lens_model::{LensModel, RosModel};
 use super::roots::{TOLERANCE, first_sign_change, inverse_of_rising};
-
-pub(super) const NAMES: [&str; MAX_COEFFICIENTS] =
-    ["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tilt_x", "tilt_y"];
 
 /// A point this many focal lengths from the axis is at 89.94 degrees: no lens of this kind sees it.
 const MAX_RADIUS: f64 = 1e3;
@@ -48,7 +47,8 @@ impl BrownConrady {
     /// # Errors
     /// Another count, a coefficient that is not finite or out of range.
     pub fn new(coefficients: &[f64]) -> Result<Self, CameraError> {
-        let coefficients = checked("brown_conrady", coefficients, &NAMES, &[4, 5, 8, 12, 14])?;
+        let name = DistortionModel::BrownConrady.name();
+        let coefficients = checked(name, coefficients, Self::COEFFICIENT_NAMES, Self::COUNTS)?;
         Ok(Self { coefficients, max_radius: max_radius(&coefficients) })
     }
 
@@ -56,29 +56,6 @@ impl BrownConrady {
     #[must_use]
     pub fn coefficients(&self) -> &[f64; MAX_COEFFICIENTS] {
         &self.coefficients
-    }
-
-    /// Where a point at depth 1 appears; `None` where the model folds back.
-    pub(super) fn distort(&self, point: Point2<f64>) -> Option<Point2<f64>> {
-        if point.coords.norm() > self.max_radius {
-            return None;
-        }
-        let (untilted, jacobian) = self.distort_untilted(point);
-        if jacobian.determinant() <= 0.0 {
-            return None;
-        }
-        match self.tilt() {
-            Some(tilt) => apply_homography(&tilt, untilted),
-            None => Some(untilted),
-        }
-    }
-
-    /// The inverse of [`Self::distort`]; `None` where no point appears at `distorted`.
-    pub(super) fn undistort(&self, distorted: Point2<f64>) -> Option<Point2<f64>> {
-        match self.tilt() {
-            Some(tilt) => self.undistort_untilted(apply_homography(&tilt.try_inverse()?, distorted)?),
-            None => self.undistort_untilted(distorted),
-        }
     }
 
     /// The inverse of [`Self::distort_untilted`].
@@ -185,6 +162,75 @@ impl BrownConrady {
             0.0,        0.0,         1.0,
         );
         Some(projected * turned)
+    }
+}
+
+impl LensModel for BrownConrady {
+    const COEFFICIENT_NAMES: &'static [&'static str] =
+        &["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tilt_x", "tilt_y"];
+    const COUNTS: &'static [usize] = &[4, 5, 8, 12, 14];
+    const ZEROS_DISTORT: bool = false;
+    /// `rational_polynomial` has eight coefficients in ROS's documentation. ROS's tools also pass OpenCV's
+    /// shorter and longer models under that name, and a shorter one is the same model with zeros.
+    const ROS_MODELS: &'static [RosModel] = &[
+        RosModel {
+            name: "plumb_bob",
+            aliases: &["radtan", "brown_conrady"],
+            kalibr: Some("pinhole-radtan"),
+            counts: &[4, 5],
+            unnamed_counts: &[4, 5],
+            written_counts: &[5],
+        },
+        RosModel {
+            name: "rational_polynomial",
+            aliases: &[],
+            kalibr: None,
+            counts: Self::COUNTS,
+            unnamed_counts: &[8, 12, 14],
+            written_counts: &[8, 12, 14],
+        },
+    ];
+
+    fn from_coefficients(coefficients: &[f64]) -> Result<Self, CameraError> {
+        Self::new(coefficients)
+    }
+
+    fn all_coefficients(&self) -> [f64; MAX_COEFFICIENTS] {
+        self.coefficients
+    }
+
+    fn distort(&self, point: Point2<f64>) -> Option<Point2<f64>> {
+        if point.coords.norm() > self.max_radius {
+            return None;
+        }
+        let (untilted, jacobian) = self.distort_untilted(point);
+        if jacobian.determinant() <= 0.0 {
+            return None;
+        }
+        match self.tilt() {
+            Some(tilt) => apply_homography(&tilt, untilted),
+            None => Some(untilted),
+        }
+    }
+
+    fn undistort(&self, distorted: Point2<f64>) -> Option<Point2<f64>> {
+        match self.tilt() {
+            Some(tilt) => self.undistort_untilted(apply_homography(&tilt.try_inverse()?, distorted)?),
+            None => self.undistort_untilted(distorted),
+        }
+    }
+
+    /// Radial coefficients do not change. Tangential coefficients (`p2 p1`) and those of the thin prism
+    /// (`s1 s3`, `s2 s4`) are vectors of the image plane.
+    fn transformed(&self, vector: &dyn Fn([f64; 2]) -> [f64; 2]) -> Result<Self, CameraError> {
+        let [k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tilt_x, tilt_y] = self.coefficients;
+        if (tilt_x, tilt_y) != (0.0, 0.0) {
+            return Err(CameraError::TiltedSensor);
+        }
+        let [p2, p1] = vector([p2, p1]);
+        let [s1, s3] = vector([s1, s3]);
+        let [s2, s4] = vector([s2, s4]);
+        Self::new(&[k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, 0.0, 0.0])
     }
 }
 

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 
 use nunet_types::Hint;
 
+use super::Distortion;
 use super::accepted_range::accepted_range;
 use crate::error_kind::ErrorKind;
 
@@ -168,10 +169,10 @@ impl Hint for CameraError {
             }
             Self::FocalRatio { .. } => "check both; most cameras have square pixels, so fx and fy are almost equal".into(),
             Self::CoefficientCount { .. } => "write all coefficients of the model, unused ones as 0".into(),
-            Self::ExtraCoefficient { model: "plumb_bob", .. } => {
-                "use `rational_polynomial`, the model that has this coefficient".into()
-            }
-            Self::ExtraCoefficient { .. } => "calibrate with a supported lens model".into(),
+            Self::ExtraCoefficient { model, .. } => match Distortion::longer_ros_name(model) {
+                Some(longer) => format!("use `{longer}`, the model that has this coefficient").into(),
+                None => "calibrate with a supported lens model".into(),
+            },
             Self::Coefficient { .. } => "calibrate again; this calibration did not converge".into(),
             Self::Aspect { width, height, .. } => {
                 format!("calibrate at {width}x{height}; images may be resized, but not cropped or stretched")
@@ -185,9 +186,13 @@ impl Hint for CameraError {
 
 /// `4`, `4 or 5`, `4, 5 or 8`.
 fn alternatives(counts: &[usize]) -> String {
-    let words: Vec<String> = counts.iter().map(ToString::to_string).collect();
+    listed(&counts.iter().map(ToString::to_string).collect::<Vec<_>>(), "or")
+}
+
+/// `4`, `4 or 5`, `4, 5 or 8`: the words, with `conjunction` before the last one.
+pub(super) fn listed(words: &[String], conjunction: &str) -> String {
     match words.split_last() {
-        Some((last, rest)) if !rest.is_empty() => format!("{} or {last}", rest.join(", ")),
+        Some((last, rest)) if !rest.is_empty() => format!("{} {conjunction} {last}", rest.join(", ")),
         _ => words.concat(),
     }
 }

@@ -2,16 +2,12 @@
 
 use nunet_types::{CameraInfo, DistortionModel, ImageSize};
 
-use super::{BrownConrady, Camera, CameraError, Distortion, Intrinsics, KannalaBrandt};
+use super::{Camera, CameraError, Distortion, Intrinsics};
 
 impl From<&Camera> for CameraInfo {
     fn from(camera: &Camera) -> Self {
         let Intrinsics { fx_px, fy_px, cx_px, cy_px, width, height } = camera.intrinsics;
-        let distortion_model = match camera.distortion {
-            Distortion::None => DistortionModel::None,
-            Distortion::BrownConrady(_) => DistortionModel::BrownConrady,
-            Distortion::KannalaBrandt(_) => DistortionModel::KannalaBrandt,
-        };
+        let distortion_model = camera.distortion.model();
         let (size, distortion) = (ImageSize::new(width, height), camera.distortion.coefficients());
         Self { size, fx_px, fy_px, cx_px, cy_px, distortion_model, distortion }
     }
@@ -30,21 +26,19 @@ impl TryFrom<&CameraInfo> for Camera {
 /// Coefficients after those of the model must be zero: a sender that writes more means another model.
 fn distortion(model: DistortionModel, coefficients: &[f64]) -> Result<Distortion, CameraError> {
     let used = coefficients.iter().rposition(|&coefficient| coefficient != 0.0).map_or(0, |last| last + 1);
-    match model {
-        DistortionModel::None if used > 0 => {
+    match Distortion::entry(model) {
+        Some(lens) => (lens.new)(&coefficients[..used.max(lens.max_count())]),
+        None if used > 0 => {
             Err(CameraError::CoefficientCount { model: model.name(), got: used, expected: &[0] })
         }
-        DistortionModel::None => Ok(Distortion::None),
-        DistortionModel::BrownConrady => BrownConrady::new(coefficients).map(Distortion::BrownConrady),
-        DistortionModel::KannalaBrandt => {
-            KannalaBrandt::new(&coefficients[..used.max(4)]).map(Distortion::KannalaBrandt)
-        }
+        None => Ok(Distortion::None),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::camera::{BrownConrady, KannalaBrandt};
 
     fn info(distortion: Distortion) -> CameraInfo {
         let intrinsics = Intrinsics::new(500.0, 501.0, 320.0, 240.0, 640, 480).unwrap();

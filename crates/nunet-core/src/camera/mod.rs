@@ -1,4 +1,7 @@
 //! The camera: intrinsics in pixels at a stated size, lens distortion, and the table of rays computed from both.
+//!
+//! Each lens model has a file of its own, which implements `LensModel`, and a line in `lens_models!` below.
+//! All other code finds it by its number in messages or by its ROS names.
 
 mod accepted_range;
 mod brown_conrady;
@@ -9,6 +12,7 @@ mod info;
 mod intrinsics;
 mod intrinsics_spec;
 mod kannala_brandt;
+mod lens_model;
 mod rays;
 mod roots;
 mod ros;
@@ -31,51 +35,17 @@ pub use scale_factor::{MAX_SCALE_FACTOR, MIN_SCALE_FACTOR, check_scale_factor};
 
 use std::num::NonZeroU32;
 
+use lens_model::{LensEntry, LensModel, lens_models};
 use nalgebra::Point2;
-use nunet_types::{ImageSize, PixelRect};
+use nunet_types::{DistortionModel, ImageSize, PixelRect};
 
-/// Lens distortion: where a point appears, compared with a pinhole camera.
-///
-/// Not `non_exhaustive`: code that converts lenses must not compile until it handles a new model.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub enum Distortion {
-    /// A pinhole camera: straight lines stay straight.
-    #[default]
-    None,
+// Each model has the name of its number in `DistortionModel`. Neither a model without a number nor a number
+// without a model compiles.
+lens_models! {
     /// Radial, tangential and thin prism distortion of ordinary lenses.
-    BrownConrady(BrownConrady),
+    BrownConrady,
     /// Fisheye.
-    KannalaBrandt(KannalaBrandt),
-}
-
-impl Distortion {
-    /// The coefficients in the model's order, followed by zeros.
-    #[must_use]
-    pub fn coefficients(&self) -> [f64; MAX_COEFFICIENTS] {
-        match self {
-            Self::None => [0.0; MAX_COEFFICIENTS],
-            Self::BrownConrady(lens) => *lens.coefficients(),
-            Self::KannalaBrandt(lens) => lens.coefficients(),
-        }
-    }
-
-    /// Where a `point` on the plane at depth 1 appears on that plane through the lens; `None` where the model folds back.
-    fn distort(&self, point: Point2<f64>) -> Option<Point2<f64>> {
-        match self {
-            Self::None => Some(point),
-            Self::BrownConrady(lens) => lens.distort(point),
-            Self::KannalaBrandt(lens) => lens.distort(point),
-        }
-    }
-
-    /// The inverse of [`Self::distort`]; `None` where no point in front of the camera appears at `distorted`.
-    fn undistort(&self, distorted: Point2<f64>) -> Option<Point2<f64>> {
-        match self {
-            Self::None => Some(distorted),
-            Self::BrownConrady(lens) => lens.undistort(distorted),
-            Self::KannalaBrandt(lens) => lens.undistort(distorted),
-        }
-    }
+    KannalaBrandt,
 }
 
 /// A calibrated camera: intrinsics and lens distortion, which give the viewing ray of each pixel.

@@ -1,28 +1,25 @@
 //! Lens models by their ROS names.
 
-use super::{BrownConrady, CalibrationError, CameraError, Distortion, KannalaBrandt, brown_conrady};
+use super::error::listed;
+use super::lens_model::{LensEntry, RosModel};
+use super::{CalibrationError, CameraError, Distortion};
 
-const PLUMB_BOB: &str = "plumb_bob";
-const RATIONAL_POLYNOMIAL: &str = "rational_polynomial";
-const EQUIDISTANT: &str = "equidistant";
+/// What ROS's tools expect of a pinhole camera: five coefficients, all 0.
+const PINHOLE: (&str, usize) = ("plumb_bob", 5);
 
-/// A lens model as ROS and related tools name it.
-struct RosModel {
-    /// ROS's name (`sensor_msgs/distortion_models.hpp`).
-    name: &'static str,
-    /// The names of the same model in Kalibr, Foxglove, OpenCV and depthai.
-    aliases: &'static [&'static str],
-    /// Accepted counts of coefficients, rising.
-    counts: &'static [usize],
+/// A lens model and one of its names in ROS.
+type Named = (&'static LensEntry, &'static RosModel);
+
+/// All lens models by all their names in ROS.
+fn ros_models() -> impl Iterator<Item = Named> {
+    Distortion::entries().flat_map(|lens| lens.ros_models.iter().map(move |ros| (lens, ros)))
 }
 
-/// `rational_polynomial` has eight coefficients in ROS's documentation. ROS's tools also pass OpenCV's shorter and longer
-/// models under that name, and a shorter one is the same model with zeros.
-const MODELS: [RosModel; 3] = [
-    RosModel { name: PLUMB_BOB, aliases: &["radtan", "brown_conrady"], counts: &[4, 5] },
-    RosModel { name: RATIONAL_POLYNOMIAL, aliases: &[], counts: &[4, 5, 8, 12, 14] },
-    RosModel { name: EQUIDISTANT, aliases: &["fisheye", "kannala_brandt"], counts: &[4] },
-];
+/// The lens model that ROS or a related tool calls `name`.
+fn named(name: &str) -> Option<Named> {
+    let is_name = |known: &str| known.eq_ignore_ascii_case(name);
+    ros_models().find(|(_, ros)| is_name(ros.name) || ros.aliases.iter().any(|alias| is_name(alias)))
+}
 
 impl Distortion {
     /// The lens of a ROS `CameraInfo`: `distortion_model` and `d`.
@@ -40,21 +37,22 @@ impl Distortion {
             return Ok(Self::None);
         }
         let name = if model.is_empty() { Self::model_of(coefficients).unwrap_or_default() } else { model };
-        let name = name.to_ascii_lowercase();
-        let found = MODELS.iter().find(|known| known.name == name || known.aliases.contains(&name.as_str()));
+        let found = named(name);
         let all_zero = coefficients.iter().all(|&coefficient| coefficient == 0.0);
-        let known = match found {
-            Some(known) if known.name == EQUIDISTANT => known,
-            Some(_) if all_zero => return Ok(Self::None),
-            None if all_zero && (name.is_empty() || name == "none") => return Ok(Self::None),
-            Some(known) => known,
-            None => return Err(CalibrationError::UnknownModel { model: model.to_owned() }),
-        };
-        let coefficients = known.without_trailing_zeros(coefficients)?;
-        Ok(match known.name {
-            EQUIDISTANT => Self::KannalaBrandt(KannalaBrandt::new(coefficients)?),
-            _ => Self::BrownConrady(BrownConrady::new(coefficients)?),
-        })
+        let is_known = found.is_some() || name.is_empty() || name.eq_ignore_ascii_case("none");
+        if all_zero && is_known && !Self::zeros_distort(name) {
+            return Ok(Self::None);
+        }
+        let (lens, ros) = found.ok_or_else(|| CalibrationError::UnknownModel { model: model.to_owned() })?;
+        let coefficients = ros.without_trailing_zeros(coefficients, lens.coefficient_names)?;
+        Ok((lens.new)(coefficients)?)
+    }
+
+    /// Whether coefficients that are all 0 are a lens, such as an ideal fisheye, not a pinhole. `model` is
+    /// the lens model's name in ROS or a related tool. False for unknown models.
+    #[must_use]
+    pub fn zeros_distort(model: &str) -> bool {
+        named(model).is_some_and(|(lens, _)| lens.zeros_distort)
     }
 
     /// The lens model that a ROS `CameraInfo` without a `distortion_model` means: by ROS's convention `plumb_bob` for 4 or 5
@@ -64,11 +62,8 @@ impl Distortion {
         if coefficients.iter().all(|&coefficient| coefficient == 0.0) {
             return None;
         }
-        match coefficients.len() {
-            4 | 5 => Some(PLUMB_BOB),
-            8 | 12 | 14 => Some(RATIONAL_POLYNOMIAL),
-            _ => None,
-        }
+        let count = coefficients.len();
+        ros_models().find(|(_, ros)| ros.unnamed_counts.contains(&count)).map(|(_, ros)| ros.name)
     }
 
     /// The ROS name of the lens model, and the number of coefficients that ROS tools expect.
@@ -76,20 +71,40 @@ impl Distortion {
     pub fn to_ros(&self) -> (&'static str, Vec<f64>) {
         let all = self.coefficients();
         let used = all.iter().rposition(|&coefficient| coefficient != 0.0).map_or(0, |last| last + 1);
-        let (model, count) = match (self, used) {
-            (Self::KannalaBrandt(_), _) => (EQUIDISTANT, 4),
-            (Self::None, _) | (Self::BrownConrady(_), 0..=5) => (PLUMB_BOB, 5),
-            (Self::BrownConrady(_), 6..=8) => (RATIONAL_POLYNOMIAL, 8),
-            (Self::BrownConrady(_), 9..=12) => (RATIONAL_POLYNOMIAL, 12),
-            (Self::BrownConrady(_), _) => (RATIONAL_POLYNOMIAL, all.len()),
-        };
-        (model, all[..count].to_vec())
+        let names = Self::entry(self.model()).into_iter().flat_map(|lens| lens.ros_models);
+        let mut written =
+            names.flat_map(|ros| ros.written_counts.iter().map(move |&count| (ros.name, count)));
+        let (name, count) = written.find(|&(_, count)| used <= count).unwrap_or(PINHOLE);
+        (name, all[..count].to_vec())
+    }
+
+    /// The ROS names of all lens models, as in "`a`, `b` and `c`".
+    pub(super) fn ros_names() -> String {
+        let names: Vec<String> = ros_models().map(|(_, ros)| format!("`{}`", ros.name)).collect();
+        listed(&names, "and")
+    }
+
+    /// What Kalibr calls the lens models that it has, as in "`a` and `b`".
+    pub(super) fn kalibr_names() -> String {
+        let names = ros_models().filter_map(|(_, ros)| ros.kalibr);
+        listed(&names.map(|name| format!("`{name}`")).collect::<Vec<_>>(), "and")
+    }
+
+    /// The ROS name of the lens model `name` with more coefficients, if there is one.
+    pub(super) fn longer_ros_name(name: &str) -> Option<&'static str> {
+        let (lens, short) = named(name)?;
+        let longer = lens.ros_models.iter().find(|ros| ros.counts.last() > short.counts.last());
+        longer.map(|ros| ros.name)
     }
 }
 
 impl RosModel {
-    /// The coefficients, cut to an accepted count where the rest is zeros.
-    fn without_trailing_zeros<'a>(&self, coefficients: &'a [f64]) -> Result<&'a [f64], CameraError> {
+    /// The coefficients, cut to an accepted count where the rest is zeros. The model's are called `names`.
+    fn without_trailing_zeros<'a>(
+        &self,
+        coefficients: &'a [f64],
+        names: &[&str],
+    ) -> Result<&'a [f64], CameraError> {
         let got = coefficients.len();
         let needed =
             coefficients.iter().rposition(|&coefficient| coefficient != 0.0).map_or(0, |last| last + 1);
@@ -100,7 +115,7 @@ impl RosModel {
                 model: self.name,
                 most,
                 place: place + 1,
-                name: self.coefficient_name(place),
+                name: names.get(place).map_or_else(|| format!("k{}", place + 1), |&name| name.to_owned()),
                 value: coefficients[place],
             });
         }
@@ -111,19 +126,12 @@ impl RosModel {
             expected: self.counts,
         })
     }
-
-    /// The usual name of the coefficient at `place`, counted from 0.
-    fn coefficient_name(&self, place: usize) -> String {
-        match brown_conrady::NAMES.get(place) {
-            Some(name) if self.name != EQUIDISTANT => (*name).to_owned(),
-            _ => format!("k{}", place + 1),
-        }
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::camera::{BrownConrady, KannalaBrandt};
 
     const FISHEYE: [f64; 4] = [0.0175, -0.0031, 0.0003, -0.0007];
 
@@ -229,5 +237,15 @@ mod tests {
         assert_eq!(Distortion::from_ros("none", &[0.0; 5]), Ok(Distortion::None));
         let error = Distortion::from_ros("omni", &four).unwrap_err();
         assert_eq!(error, CalibrationError::UnknownModel { model: "omni".to_owned() });
+    }
+
+    #[test]
+    fn zeros_are_a_lens_only_for_a_fisheye() {
+        for name in ["equidistant", "kannala_brandt", "fisheye"] {
+            assert!(Distortion::zeros_distort(name), "{name}");
+        }
+        for name in ["plumb_bob", "rational_polynomial", "none", "", "omni"] {
+            assert!(!Distortion::zeros_distort(name), "{name}");
+        }
     }
 }

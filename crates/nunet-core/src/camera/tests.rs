@@ -20,12 +20,8 @@ fn numbers(value: &Value) -> Vec<f64> {
 }
 
 fn golden_camera(camera: &Value) -> Camera {
-    let coefficients = numbers(&camera["distortion"]);
-    let distortion = match camera["model"].as_str().unwrap() {
-        "brown_conrady" => Distortion::BrownConrady(BrownConrady::new(&coefficients).unwrap()),
-        "kannala_brandt" => Distortion::KannalaBrandt(KannalaBrandt::new(&coefficients).unwrap()),
-        model => panic!("{model}"),
-    };
+    let model: DistortionModel = camera["model"].as_str().unwrap().parse().unwrap();
+    let distortion = (Distortion::entry(model).unwrap().new)(&numbers(&camera["distortion"])).unwrap();
     let [fx, fy, cx, cy] = numbers(&camera["intrinsics"])[..] else { panic!("{camera}") };
     let side = |key: &str| camera[key].as_u64().unwrap() as u32;
     let intrinsics = Intrinsics::new(fx, fy, cx, cy, side("width"), side("height")).unwrap();
@@ -36,6 +32,15 @@ fn ray_of(camera: &Camera, pixel: [f64; 2]) -> Option<[f64; 2]> {
     let Intrinsics { fx_px, fy_px, cx_px, cy_px, .. } = camera.intrinsics;
     let seen = Point2::new((pixel[0] - cx_px) / fx_px, (pixel[1] - cy_px) / fy_px);
     camera.distortion.undistort(seen).map(|ray| [ray.x, ray.y])
+}
+
+#[test]
+fn every_lens_model_is_compared_with_opencv() {
+    let golden: Value = serde_json::from_str(GOLDEN).unwrap();
+    let cameras = golden["cameras"].as_array().unwrap();
+    for &model in DistortionModel::ALL.iter().filter(|&&model| model != DistortionModel::None) {
+        assert!(cameras.iter().any(|camera| camera["model"] == model.name()), "{model} has no camera");
+    }
 }
 
 #[test]

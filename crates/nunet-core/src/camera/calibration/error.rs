@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use nunet_types::{Hint, RegionOutside, counted};
 
 use super::{MAX_BYTES, MAX_IGNORED_SKEW};
-use crate::camera::CameraError;
+use crate::camera::{CameraError, Distortion};
 use crate::error_kind::ErrorKind;
 
 /// Why a calibration cannot be used.
@@ -86,10 +86,7 @@ pub enum CalibrationError {
     #[error("`camera_matrix` is not of the form `[fx, 0, cx, 0, fy, cy, 0, 0, 1]`")]
     NotACameraMatrix,
     /// A lens model that is not supported.
-    #[error(
-        "distortion model `{model:.60}` is not supported; supported are `plumb_bob`, `rational_polynomial` and \
-         `equidistant`"
-    )]
+    #[error("distortion model `{model:.60}` is not supported; supported are {}", Distortion::ros_names())]
     UnknownModel {
         /// The name as written.
         model: String,
@@ -152,7 +149,10 @@ impl Hint for CalibrationError {
                 "name the lens model that the coefficients belong to"
             }
             Self::UnknownModel { .. } => {
-                "calibrate again with a supported model; Kalibr calls them `pinhole-radtan` and `pinhole-equi`"
+                let names = Distortion::kalibr_names();
+                return Some(
+                    format!("calibrate again with a supported model; Kalibr calls them {names}").into(),
+                );
             }
             Self::Region(_) => "write the region of interest in pixels of the sensor of `width` x `height`",
             Self::SeveralCameras { .. } => "keep the camera of the images in a file of its own",

@@ -50,11 +50,7 @@ pub(super) fn calibration(
     };
     let [width, height] = camera.resolution.ok_or_else(|| missing("resolution"))?;
     let lens = camera.distortion_model.as_deref().ok_or_else(|| missing("distortion_model"))?;
-    let lens = match lens {
-        "none" => "",
-        "radtan" => "plumb_bob",
-        other => other,
-    };
+    let lens = if lens == "none" { "" } else { lens };
     let d = match &camera.distortion_coeffs {
         Some(coefficients) => coefficients.as_slice(),
         None if lens.is_empty() => &[],
