@@ -238,7 +238,7 @@ fn on_room_of(backend: Backend) -> (OnRoom, Arc<AtomicU64>, Sender<()>) {
     let on_room = move || {
         count.fetch_add(1, Ordering::Relaxed);
         if backend == Backend::Hanging {
-            drop(released.lock().unwrap().recv_timeout(TIMEOUT));
+            let _ = released.lock().unwrap().recv_timeout(TIMEOUT);
         }
     };
     (Arc::new(on_room), finished, release)

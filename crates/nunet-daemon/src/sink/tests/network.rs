@@ -65,7 +65,7 @@ impl MessagePublisher for FakeTopic {
 
     fn send(&self, _message: &[u8]) -> bool {
         if self.backend == Backend::Hanging {
-            drop(self.released.lock().unwrap().recv_timeout(TIMEOUT));
+            let _ = self.released.lock().unwrap().recv_timeout(TIMEOUT);
         }
         self.backend != Backend::Failing
     }
