@@ -4,8 +4,10 @@ use std::path::PathBuf;
 
 use indicatif::ProgressBar;
 use nunet_core::pipeline::PipelineOptions;
+use nunet_core::plain_file;
 use nunet_engine::{Engine, EngineOptions, find_model};
-use nunet_eval::{EvalError, EvalErrorKind, EvalOptions, Evaluator, Event, NOT_METERS, cap_for};
+use nunet_eval::{BaselineChoice, EvalError, EvalErrorKind, EvalOptions, Evaluator, Event};
+use nunet_eval::{NOT_METERS, cap_for};
 use nunet_files::check_folder;
 use nunet_sink::file_plan::FilePlan;
 use nunet_types::{Hint as _, counted};
@@ -16,6 +18,9 @@ use super::progress::progress;
 use crate::Outcome;
 use crate::exit::{WithHint, warn_of_camera};
 use nunet_sink::stdout::print;
+
+/// The hint for a file of ids that cannot be used.
+const IDS_HINT: &str = "pass a text file with one id per line: the name of an image without its extension";
 
 /// The options of `eval`.
 pub(crate) struct EvalCommandOptions {
@@ -31,6 +36,7 @@ pub(crate) struct EvalCommandOptions {
 /// Measures every image. An image that cannot be read is reported and counted.
 pub(crate) fn eval(options: EvalCommandOptions) -> anyhow::Result<Outcome> {
     file_plan(&options).check()?;
+    check_named(&options.evaluation)?;
     let evaluator = Evaluator::new(options.evaluation).map_err(with_flags)?;
     if let Some(out) = &options.out {
         check_folder(out)?;
@@ -46,9 +52,7 @@ pub(crate) fn eval(options: EvalCommandOptions) -> anyhow::Result<Outcome> {
     let text = if options.json { serde_json::to_string(&report)? } else { report.text() };
     print(&text)?;
     if !options.json && report.baseline_has_seen_the_images() {
-        let text =
-            "the baseline is the mean of the measured images themselves; pass --baseline-ids for others";
-        print(text)?;
+        print("the baseline is the mean of the measured images themselves; pass --baseline-ids for others")?;
     }
     if let Some(out) = &options.out {
         evaluation.write(out, &report)?;
@@ -58,6 +62,21 @@ pub(crate) fn eval(options: EvalCommandOptions) -> anyhow::Result<Outcome> {
     }
     error!("images that were skipped: {}", evaluation.skipped());
     Ok(Outcome::Lost)
+}
+
+/// Opens the files that are named, because the model is loaded before they are read.
+fn check_named(options: &EvalOptions) -> Result<(), BadArguments> {
+    let (baseline, hint) = match &options.baseline {
+        BaselineChoice::Automatic => (None, ""),
+        BaselineChoice::Ids(file) => (Some(file), IDS_HINT),
+        BaselineChoice::File(file) => (Some(file), "pass the `mean_image.npy` of another `eval --out`"),
+    };
+    let named = options.ids.iter().map(|ids| (ids, IDS_HINT)).chain(baseline.map(|file| (file, hint)));
+    for (file, hint) in named {
+        let unreadable = |error| BadArguments::new(format!("cannot read `{}`: {error}", file.display()));
+        plain_file::open(file, 0).map_err(|error| unreadable(error).with_hint(hint))?;
+    }
+    Ok(())
 }
 
 fn file_plan(options: &EvalCommandOptions) -> FilePlan {
@@ -122,6 +141,7 @@ pub(super) fn with_flags(error: EvalError) -> anyhow::Error {
             return with_flags(*source).context("no image could be measured");
         }
         EvalError::OwnDepth { .. } => "pass --depth-topic TOPIC to compare the model with it anyway".into(),
+        EvalError::Ids(_) => IDS_HINT.into(),
         EvalError::NoPairs { .. } => "choose the topics: --topic and --depth-topic".into(),
         EvalError::UnknownUnit { .. } => "state the unit of the depth images: --depth-scale METERS".into(),
         EvalError::FixedUnit { .. } => {
@@ -161,6 +181,31 @@ mod tests {
         assert!(depth_cap_hint(30.0, false).ends_with("--depth-cap 31"), "the cap itself is not compared");
         assert!(depth_cap_hint(4000.0, false).contains("--depth-scale"));
         assert_eq!(depth_cap_hint(4000.0, true), NOT_METERS, "the unit of meters cannot be stated");
+    }
+
+    #[test]
+    fn files_that_are_missing_are_found_before_the_model() {
+        let list = || PathBuf::from("missing.txt");
+        let image = BaselineChoice::File("missing.npy".into());
+        for (ids, baseline, is_about_ids) in [
+            (Some(list()), BaselineChoice::Automatic, true),
+            (None, BaselineChoice::Ids(list()), true),
+            (None, image, false),
+        ] {
+            let error = eval(EvalCommandOptions {
+                evaluation: EvalOptions { ids, baseline, ..EvalOptions::new("data") },
+                model: "missing.onnx".into(),
+                pipeline: PipelineOptions::default(),
+                engine: EngineOptions::default(),
+                out: None,
+                json: false,
+            })
+            .unwrap_err();
+            let hints = message_and_hints(&error).1;
+            assert!(is_usage(&error) && hints.len() == 1, "{error}");
+            assert_eq!(hints == [IDS_HINT], is_about_ids, "{hints:?}");
+            assert!(is_about_ids || hints[0].contains("mean_image.npy"), "{hints:?}");
+        }
     }
 
     #[test]

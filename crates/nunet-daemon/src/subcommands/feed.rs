@@ -32,8 +32,8 @@ pub(crate) struct FeedOptions {
 pub(crate) fn feed(options: &FeedOptions) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
     if options.source.name.properties().is_published {
-        let hint = "name it with --source shm:CAMERA";
-        bail!(BadArguments::new("a camera in shared memory needs no feed").with_hint(hint));
+        let error = BadArguments::new("a camera in shared memory needs no feed");
+        bail!(error.with_hint("name it with --source shm:CAMERA"));
     }
     let resolver = CameraResolver::new(&options.geometry)?;
     let folders = nunet_engine::model_folders();

@@ -56,10 +56,8 @@ pub(crate) fn tune(options: &TuneOptions) -> anyhow::Result<Outcome> {
             combination.subject.predict(&frame, is_measured)?;
         }
     }
-    let medians: Vec<_> = combinations
-        .iter()
-        .map(|combination| (combination.threads, combination.subject.median_ms()))
-        .collect();
+    let median = |combination: &Combination| (combination.threads, combination.subject.median_ms());
+    let medians: Vec<_> = combinations.iter().map(median).collect();
     let best = best(&medians)
         .ok_or_else(|| WithHint::new("no combination runs this model", "run `nunetd doctor`"))?;
     let text = if options.json {
