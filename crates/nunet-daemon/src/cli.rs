@@ -11,7 +11,7 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::builder::{OsStringValueParser, TypedValueParser as _};
-use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand, ValueEnum};
+use clap::{ArgAction, Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand, ValueEnum};
 use nunet_core::graph::Provider;
 use nunet_engine::EngineOptions;
 use serde::Deserialize;
@@ -63,11 +63,18 @@ pub const DEFAULT_MODEL: &str = "wnet_c.onnx";
 ///
 /// Without a subcommand, nunetd runs the subcommand `run`: see `nunetd run --help` for its flags.
 #[derive(Debug, Parser)]
-#[command(name = "nunetd", version, subcommand_required = true)]
-#[command(override_usage = "nunetd [OPTIONS] [COMMAND]")] // `run` is the default
+// `run` is the default. clap's own flags for help and version would be above all headings.
+#[command(name = "nunetd", version, override_usage = "nunetd [OPTIONS] [COMMAND]")]
+#[command(disable_help_flag = true, disable_version_flag = true, next_help_heading = "Global options")]
 pub struct Cli {
     #[command(flatten)]
     pub logging: LogArgs,
+    /// Print help; -h prints a summary
+    #[arg(short, long, action = ArgAction::Help, global = true)]
+    pub help: Option<bool>,
+    /// Print version
+    #[arg(short = 'V', long, action = ArgAction::Version)]
+    pub version: Option<bool>,
     #[command(subcommand)]
     pub subcommand: SubcommandArgs,
 }
@@ -150,7 +157,7 @@ pub enum SubcommandArgs {
 #[serde(rename_all = "kebab-case")]
 pub struct LogArgs {
     /// Log more to stderr; repeat to log every frame
-    #[arg(short, long, action = clap::ArgAction::Count, global = true)]
+    #[arg(short, long, action = ArgAction::Count, global = true)]
     pub verbose: u8,
     /// Log errors only
     #[arg(short, long, global = true, conflicts_with = "verbose")]

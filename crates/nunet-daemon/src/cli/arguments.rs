@@ -15,17 +15,17 @@ pub struct InferArgs {
     #[arg(required = true, value_name = "IMAGE|DIR|GLOB")]
     pub images: Vec<PathBuf>,
     /// The folder for the results; several images get a folder each below it
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", help_heading = "Results")]
     pub out: PathBuf,
     /// An .onnx file, a staged graph (.toml), or the name of a bundled model
-    #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL)]
+    #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL, help_heading = "Model")]
     pub model: PathBuf,
+    #[command(flatten, next_help_heading = "Model")]
+    pub engine: EngineArgs,
     #[command(flatten)]
     pub processing: CameraArgs,
     #[command(flatten)]
     pub obstacles: ImageObstacleArgs,
-    #[command(flatten)]
-    pub engine: EngineArgs,
 }
 
 /// `nunetd feed`
@@ -34,12 +34,12 @@ pub struct FeedArgs {
     /// demo, a folder, a glob of images, a recording FILE.mcap, a camera /dev/videoN, a ROS 2 topic
     /// ros2:TOPIC, exec:COMMAND, rtsp://..., or - for stdin
     pub source: String,
-    /// The name of the camera in shared memory
-    #[arg(long, value_name = "NAME")]
-    pub camera: String,
-    #[command(flatten)]
+    #[command(flatten, next_help_heading = "Source")]
     pub pace: SourceArgs,
-    #[command(flatten)]
+    /// The name of the camera in shared memory
+    #[arg(long, value_name = "NAME", help_heading = "Camera")]
+    pub camera: String,
+    #[command(flatten, next_help_heading = "Camera")]
     pub geometry: GeometryArgs,
 }
 

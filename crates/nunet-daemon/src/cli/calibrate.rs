@@ -24,11 +24,8 @@ const SOURCE_FLAGS: [&str; 7] = ["rate", "repeat", "size", "format", "exposure",
 /// `nunetd calibrate`
 #[derive(Debug, Args, Clone)]
 #[command(group(ArgGroup::new("evidence").args(["distance", "pairs", "truth", "mount"]).required(true)))]
+#[command(next_help_heading = "Reference")]
 pub struct CalibrateArgs {
-    /// With --distance or --mount, the camera: a folder, a glob of images, a recording FILE.mcap, a camera /dev/videoN,
-    /// shm:CAMERA, ros2:TOPIC, exec:COMMAND, rtsp://..., or - for stdin
-    #[arg(long, value_name = "SOURCE", conflicts_with_all = ["pairs", "truth"])]
-    pub source: Option<String>,
     /// The reference is a distance: from the camera straight to the point of --at, meters
     #[arg(long, value_name = "M", requires = "source", conflicts_with_all = TRUTH_FLAGS)]
     pub distance: Option<f64>,
@@ -40,24 +37,17 @@ pub struct CalibrateArgs {
     #[arg(long, value_name = "FILE.csv", conflicts_with_all = TRUTH_FLAGS, conflicts_with_all = SOURCE_FLAGS)]
     #[arg(conflicts_with = "topic")]
     pub pairs: Option<PathBuf>,
-    /// The reference is images with true depth: a folder or a recording, as for `nunetd eval`
-    #[arg(long, value_name = "DATASET", conflicts_with_all = SOURCE_FLAGS)]
-    pub truth: Option<PathBuf>,
     /// The reference is the floor: the pose of the camera in the base frame of the robot, meters and radians; z is the
     /// height above the floor
     #[arg(long, value_name = "x,y,z,roll,pitch,yaw", allow_hyphen_values = true, requires = "source")]
     #[arg(conflicts_with_all = TRUTH_FLAGS)]
     pub mount: Option<Text<MountOption>>,
-    #[command(flatten)]
-    pub pace: SourceArgs,
-    #[command(flatten)]
-    pub geometry: GeometryArgs,
+    /// The reference is images with true depth: a folder or a recording, as for `nunetd eval`
+    #[arg(long, value_name = "DATASET", conflicts_with_all = SOURCE_FLAGS)]
+    pub truth: Option<PathBuf>,
     /// With --truth, the topic with true depth, if the recording has several
     #[arg(long, value_name = "TOPIC", requires = "truth")]
     pub depth_topic: Option<String>,
-    /// As for `nunetd run`: `crop`, `stretch` or `letterbox`; the factor holds for this choice
-    #[arg(long, value_name = "crop|stretch|letterbox", default_value = "crop")]
-    pub aspect: Text<AspectMode>,
     /// With --truth, the images to use: a file with one id per line [default: all]
     #[arg(long, value_name = "FILE", requires = "truth")]
     pub ids: Option<PathBuf>,
@@ -69,20 +59,31 @@ pub struct CalibrateArgs {
     /// With --truth, the part of the images that has true depth, pixels; BOTTOM and RIGHT are the first ones outside
     #[arg(long, value_name = "TOP,LEFT,BOTTOM,RIGHT", requires = "truth")]
     pub window: Option<Window>,
+    /// With --distance or --mount, the camera: a folder, a glob of images, a recording FILE.mcap, a camera /dev/videoN,
+    /// shm:CAMERA, ros2:TOPIC, exec:COMMAND, rtsp://..., or - for stdin
+    #[arg(long, value_name = "SOURCE", conflicts_with_all = ["pairs", "truth"], help_heading = "Source")]
+    pub source: Option<String>,
+    #[command(flatten, next_help_heading = "Source")]
+    pub pace: SourceArgs,
+    #[command(flatten, next_help_heading = "Camera")]
+    pub geometry: GeometryArgs,
+    /// As for `nunetd run`: `crop`, `stretch` or `letterbox`; the factor holds for this choice
+    #[arg(long, value_name = "crop|stretch|letterbox", default_value = "crop", help_heading = "Camera")]
+    pub aspect: Text<AspectMode>,
     /// An .onnx file, a staged graph (.toml), or the name of a bundled model
-    #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL)]
+    #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL, help_heading = "Model")]
     pub model: PathBuf,
+    #[command(flatten, next_help_heading = "Model")]
+    pub engine: EngineArgs,
     /// Write intrinsics and factor into this calibration file [default: the file of --calibration, in place]
-    #[arg(long, value_name = "FILE.yaml")]
+    #[arg(long, value_name = "FILE.yaml", help_heading = "Results")]
     pub out: Option<PathBuf>,
     /// Overwrite an existing file of --out
-    #[arg(long, requires = "out")]
+    #[arg(long, requires = "out", help_heading = "Results")]
     pub force: bool,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = "Results")]
     pub json: bool,
-    #[command(flatten)]
-    pub engine: EngineArgs,
 }
 
 /// Column and row, pixels.

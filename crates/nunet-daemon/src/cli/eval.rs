@@ -20,53 +20,54 @@ pub struct EvalArgs {
     /// stamps, as in TUM's sequences, images and depth within 20 ms are joined
     pub dataset: PathBuf,
     /// The image topic, if the recording has several
-    #[arg(long, value_name = "TOPIC")]
+    #[arg(long, value_name = "TOPIC", help_heading = "Dataset")]
     pub topic: Option<String>,
     /// The topic with true depth, if the recording has several
-    #[arg(long, value_name = "TOPIC")]
+    #[arg(long, value_name = "TOPIC", help_heading = "Dataset")]
     pub depth_topic: Option<String>,
-    /// An .onnx file, a staged graph (.toml), or the name of a bundled model
-    #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL)]
-    pub model: PathBuf,
     /// The images to measure: a file with one id per line [default: all]
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = "Dataset")]
     pub ids: Option<PathBuf>,
-    /// The images whose mean depth is the baseline: a file with one id per line [default: those of the other scenes if
-    /// the ids name scenes, otherwise the measured images]
-    #[arg(long, value_name = "FILE")]
-    pub baseline_ids: Option<PathBuf>,
-    /// The mean image to use as the baseline: the `mean_image.npy` that another `eval --out` wrote
-    #[arg(long, value_name = "FILE.npy", conflicts_with = "baseline_ids")]
-    pub baseline: Option<PathBuf>,
-    /// The pixels to compare: whole images, or the crop of Eigen et al. for NYU Depth V2
-    #[arg(long, value_enum, default_value_t = ProtocolArg::Full)]
-    pub protocol: ProtocolArg,
-    /// Ignore true depth of this value or more, meters, and limit predictions to it: 10 for NYU Depth V2, 80 for KITTI
-    #[arg(long, value_name = "METERS", default_value = "10", value_parser = parse_meters)]
-    pub depth_cap: f64,
-    #[command(flatten)]
+    #[command(flatten, next_help_heading = "Dataset")]
     pub units: DepthUnitArgs,
     /// The part of the images that has true depth, pixels, for data with a border around each image; BOTTOM and RIGHT
     /// are the first ones outside
-    #[arg(long, value_name = "TOP,LEFT,BOTTOM,RIGHT")]
+    #[arg(long, value_name = "TOP,LEFT,BOTTOM,RIGHT", help_heading = "Dataset")]
     pub window: Option<Window>,
     /// Treat the images as consecutive frames of one video: recurrent models and the temporal filter keep their state
-    #[arg(long)]
+    #[arg(long, help_heading = "Dataset")]
     pub clip: bool,
-    #[command(flatten)]
-    pub obstacles: ImageObstacleArgs,
+    /// The pixels to compare: whole images, or the crop of Eigen et al. for NYU Depth V2
+    #[arg(long, value_enum, default_value_t = ProtocolArg::Full, help_heading = "Comparison")]
+    pub protocol: ProtocolArg,
+    /// Ignore true depth of this value or more, meters, and limit predictions to it: 10 for NYU Depth V2, 80 for KITTI
+    #[arg(long, value_name = "METERS", default_value = "10", value_parser = parse_meters)]
+    #[arg(help_heading = "Comparison")]
+    pub depth_cap: f64,
+    /// The images whose mean depth is the baseline: a file with one id per line [default: those of the other scenes if
+    /// the ids name scenes, otherwise the measured images]
+    #[arg(long, value_name = "FILE", help_heading = "Comparison")]
+    pub baseline_ids: Option<PathBuf>,
+    /// The mean image to use as the baseline: the `mean_image.npy` that another `eval --out` wrote
+    #[arg(long, value_name = "FILE.npy", conflicts_with = "baseline_ids", help_heading = "Comparison")]
+    pub baseline: Option<PathBuf>,
+    /// An .onnx file, a staged graph (.toml), or the name of a bundled model
+    #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL, help_heading = "Model")]
+    pub model: PathBuf,
+    #[command(flatten, next_help_heading = "Model")]
+    pub engine: EngineArgs,
     #[command(flatten)]
     pub lens: LensArgs,
-    #[command(flatten)]
+    #[command(flatten, next_help_heading = "Depth")]
     pub filters: FilterArgs,
+    #[command(flatten)]
+    pub obstacles: ImageObstacleArgs,
     /// Write `eval.json`, `images.csv`, `contact_sheet.png` and `mean_image.npy` into this folder
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", help_heading = "Results")]
     pub out: Option<PathBuf>,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = "Results")]
     pub json: bool,
-    #[command(flatten)]
-    pub engine: EngineArgs,
 }
 
 /// What the integers of a depth image mean: meters = (value + offset) * scale.
@@ -133,10 +134,7 @@ impl EvalArgs {
             depth_topic: self.depth_topic.clone(),
             ids: self.ids.clone(),
             baseline,
-            protocol: match self.protocol {
-                ProtocolArg::Full => Protocol::Full,
-                ProtocolArg::Eigen => Protocol::Eigen,
-            },
+            protocol: if self.protocol == ProtocolArg::Eigen { Protocol::Eigen } else { Protocol::Full },
             depth_cap_m: self.depth_cap as f32,
             units: DepthUnits { scale: self.units.depth_scale, offset: self.units.depth_offset },
             window: self.window,

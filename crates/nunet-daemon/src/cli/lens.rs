@@ -49,20 +49,20 @@ impl GeometryArgs {
 /// How the camera affects depth.
 #[derive(Debug, Args, Clone, Deserialize)]
 pub struct LensArgs {
-    #[command(flatten)]
+    #[command(flatten, next_help_heading = "Camera")]
     #[serde(flatten)]
     pub geometry: GeometryArgs,
     /// The factor by which the network's meters are multiplied: `auto` (that of the calibration file, otherwise the
     /// ratio of the focal lengths of this camera and the training camera, if known), `off` (1), a number from 0.05 to
     /// 20, or `floor` (measured on the floor; needs --mount)
-    #[arg(long, value_name = "auto|off|NUMBER|floor", default_value = "auto")]
+    #[arg(long, value_name = "auto|off|NUMBER|floor", default_value = "auto", help_heading = "Depth")]
     pub scale: Text<ScaleArg>,
     /// Images whose aspect ratio differs from the network's by more than 5 %: use the largest centered part of its aspect
     /// ratio (`crop`), stretch them (`stretch`), or pad them (`letterbox`)
-    #[arg(long, value_name = "crop|stretch|letterbox", default_value = "crop")]
+    #[arg(long, value_name = "crop|stretch|letterbox", default_value = "crop", help_heading = "Depth")]
     pub aspect: Text<AspectMode>,
     /// The same as --scale auto or --scale off
-    #[arg(long, value_enum, conflicts_with = "scale")]
+    #[arg(long, value_enum, conflicts_with = "scale", help_heading = "Depth")]
     pub focal: Option<FocalArg>,
 }
 
@@ -153,15 +153,15 @@ pub struct CameraArgs {
     #[command(flatten)]
     #[serde(flatten)]
     pub lens: LensArgs,
-    #[command(flatten)]
+    #[command(flatten, next_help_heading = "Depth")]
     #[serde(flatten)]
     pub filters: FilterArgs,
     /// Take every N-th row and column of depth for the cloud
-    #[arg(long, value_name = "N", default_value = "1")]
+    #[arg(long, value_name = "N", default_value = "1", help_heading = "Depth")]
     pub cloud_stride: Text<NonZeroU32>,
     /// Drop cloud points farther than M meters from the camera, and ignore obstacles farther than M meters from the
     /// base (for obstacles, 0.5 to 50) [default: the model's maximum depth for the cloud, 5 for obstacles]
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", help_heading = "Depth")]
     pub max_range: Option<Text<Distance>>,
 }
 

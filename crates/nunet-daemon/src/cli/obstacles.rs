@@ -41,12 +41,12 @@ pub struct ObstacleArgs {
 pub struct ImageObstacleArgs {
     /// Find obstacles: `infer` writes obstacles.json and images of them, `eval` compares them with those of the true depth.
     /// Needs --mount; `eval` also takes `mounts.csv` in the dataset, with the columns id,x,y,z,roll,pitch,yaw
-    #[arg(long)]
+    #[arg(long, help_heading = "Obstacles")]
     pub obstacles: bool,
     /// The pose of the camera in the base frame of the robot, meters and radians; z is the height above the floor
-    #[arg(long, value_name = "x,y,z,roll,pitch,yaw", allow_hyphen_values = true)]
+    #[arg(long, value_name = "x,y,z,roll,pitch,yaw", allow_hyphen_values = true, help_heading = "Camera")]
     pub mount: Option<Text<MountOption>>,
-    #[command(flatten)]
+    #[command(flatten, next_help_heading = "Obstacles")]
     pub options: ObstacleArgs,
 }
 

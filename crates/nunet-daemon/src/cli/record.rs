@@ -25,7 +25,7 @@ pub struct RecordArgs {
     /// --rotate or their EXIF data rotates them
     #[arg(long)]
     pub record_lossless: bool,
-    #[command(flatten)]
+    #[command(flatten, next_help_heading = "Camera")]
     #[serde(flatten)]
     pub mount: MountArgs,
 }
@@ -57,31 +57,32 @@ pub struct ReplayArgs {
     #[arg(value_name = "OUT.mcap")]
     pub output: PathBuf,
     /// An .onnx file, a staged graph (.toml), or the name of a bundled model
-    #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL)]
+    #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL, help_heading = "Model")]
     pub model: PathBuf,
+    #[command(flatten, next_help_heading = "Model")]
+    pub engine: EngineArgs,
     /// The image topic, if there are several
-    #[arg(long, value_name = "TOPIC")]
+    #[arg(long, value_name = "TOPIC", help_heading = "Source")]
     pub topic: Option<String>,
-    /// The first part of the names of the new topics
-    #[arg(long, value_name = "NAME", default_value = "camera")]
-    pub camera: String,
-    /// The coordinate frame of depth and cloud [default: that of the images]
-    #[arg(long, value_name = "NAME")]
-    pub frame_id: Option<Text<FrameId>>,
-    #[command(flatten)]
-    pub mount: MountArgs,
-    /// The results to record, separated by commas; `replay` finds no obstacles
-    #[arg(long, value_enum, value_delimiter = ',', default_values_t = Publish::DEFAULT)]
-    pub publish: Vec<Publish>,
-    /// Overwrite an existing recording
-    #[arg(long)]
-    pub force: bool,
     #[command(flatten)]
     pub processing: CameraArgs,
-    #[command(flatten)]
-    pub engine: EngineArgs,
+    #[command(flatten, next_help_heading = "Camera")]
+    pub mount: MountArgs,
+    /// The first part of the names of the new topics
+    #[arg(long, value_name = "NAME", default_value = "camera", help_heading = "Results")]
+    pub camera: String,
+    /// The coordinate frame of depth and cloud [default: that of the images]
+    #[arg(long, value_name = "NAME", help_heading = "Results")]
+    pub frame_id: Option<Text<FrameId>>,
+    /// The results to record, separated by commas; `replay` finds no obstacles
+    #[arg(long, value_enum, value_delimiter = ',', default_values_t = Publish::DEFAULT)]
+    #[arg(help_heading = "Results")]
+    pub publish: Vec<Publish>,
+    /// Overwrite an existing recording
+    #[arg(long, help_heading = "Results")]
+    pub force: bool,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = "Results")]
     pub json: bool,
 }
 

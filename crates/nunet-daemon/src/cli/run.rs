@@ -30,39 +30,39 @@ use crate::source::{CameraSetting, CameraSettings, Rate, SourceName};
 #[serde(rename_all = "kebab-case")]
 pub struct RunArgs {
     /// A configuration file whose keys are the long names of flags; flags take precedence
-    #[arg(long, value_name = "FILE.toml")]
+    #[arg(long, value_name = "FILE.toml", help_heading = "Configuration")]
     #[serde(skip)]
     pub config: Option<PathBuf>,
     /// An .onnx file, a staged graph (.toml), or the name of a bundled model
-    #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL)]
+    #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL, help_heading = "Model")]
     pub model: PathBuf,
-    #[command(flatten)]
-    #[serde(flatten)]
-    pub stream: StreamArgs,
     /// Run a stage only on every N-th frame and reuse its result in between; repeat for several stages
-    #[arg(long, value_name = "STAGE=N")]
+    #[arg(long, value_name = "STAGE=N", help_heading = "Model")]
     #[serde(default)]
     pub every: Vec<Text<StageEvery>>,
-    #[command(flatten)]
+    #[command(flatten, next_help_heading = "Model")]
     #[serde(flatten)]
     pub engine: EngineArgs,
     #[command(flatten)]
     #[serde(flatten)]
+    pub stream: StreamArgs,
+    #[command(flatten, next_help_heading = "Results")]
+    #[serde(flatten)]
     pub access: AccessArgs,
-    /// Serve Prometheus metrics at http://ADDRESS:PORT/metrics
-    #[arg(long, value_name = "ADDRESS:PORT")]
-    pub metrics: Option<Text<SocketAddr>>,
-    #[command(flatten)]
-    #[serde(flatten)]
-    pub view: ViewArgs,
-    #[command(flatten)]
-    #[serde(flatten)]
-    pub foxglove: FoxgloveArgs,
-    #[command(flatten)]
+    #[command(flatten, next_help_heading = "ROS 2 and live view")]
     #[serde(flatten)]
     pub ros2: Ros2Args,
+    #[command(flatten, next_help_heading = "ROS 2 and live view")]
+    #[serde(flatten)]
+    pub view: ViewArgs,
+    #[command(flatten, next_help_heading = "ROS 2 and live view")]
+    #[serde(flatten)]
+    pub foxglove: FoxgloveArgs,
+    /// Serve Prometheus metrics at http://ADDRESS:PORT/metrics
+    #[arg(long, value_name = "ADDRESS:PORT", help_heading = "Statistics")]
+    pub metrics: Option<Text<SocketAddr>>,
     /// Write frame counts and latencies into this file at the end
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = "Statistics")]
     pub stats_json: Option<PathBuf>,
 }
 
@@ -110,12 +110,8 @@ pub struct ViewArgs {
 impl ViewArgs {
     fn config(&self) -> anyhow::Result<Option<ViewConfig>> {
         // Checked here, because the errors of clap and serde would contain the secret.
-        let token = self
-            .view_token
-            .as_ref()
-            .map(UncheckedToken::check)
-            .transpose()
-            .map_err(|error| BadArguments::of(&error))?;
+        let token = self.view_token.as_ref().map(UncheckedToken::check).transpose();
+        let token = token.map_err(|error| BadArguments::of(&error))?;
         let Some(Text(address)) = self.view else {
             // A variable in the environment may be meant for another program.
             if token.is_some() && std::env::var_os(TOKEN_VARIABLE).is_none() {
@@ -187,51 +183,52 @@ pub struct StreamArgs {
     /// demo, a folder, a glob of images, a recording FILE.mcap, a camera /dev/videoN, shm:CAMERA, a ROS 2 topic
     /// ros2:TOPIC, exec:COMMAND, rtsp://..., or - for stdin
     /// [default: demo; required with --config]
-    #[arg(long, value_name = "SOURCE")]
+    #[arg(long, value_name = "SOURCE", help_heading = "Source")]
     pub source: Option<String>,
-    /// The name of the camera in shared memory [default: demo for the demo scene, nunet for a ROS 2
-    /// topic, otherwise camera]
-    #[arg(long, value_name = "NAME")]
-    pub camera: Option<String>,
-    #[command(flatten)]
+    #[command(flatten, next_help_heading = "Source")]
     #[serde(flatten)]
     pub pace: SourceArgs,
+    /// The name of the camera in shared memory [default: demo for the demo scene, nunet for a ROS 2
+    /// topic, otherwise camera]
+    #[arg(long, value_name = "NAME", help_heading = "Camera")]
+    pub camera: Option<String>,
+    /// The coordinate frame of depth and cloud [default: that of the images for a ROS 2 topic, otherwise the name of the
+    /// camera + `_optical_frame`]
+    #[arg(long, value_name = "NAME", help_heading = "Camera")]
+    pub frame_id: Option<Text<FrameId>>,
     #[command(flatten)]
     #[serde(flatten)]
     pub processing: CameraArgs,
-    /// The coordinate frame of depth and cloud [default: that of the images for a ROS 2 topic, otherwise the name of the
-    /// camera + `_optical_frame`]
-    #[arg(long, value_name = "NAME")]
-    pub frame_id: Option<Text<FrameId>>,
-    /// The topics that can be read, separated by commas; all but depth are computed only while something reads them.
-    /// With --mount, obstacles can always be read
-    #[arg(long, value_enum, value_delimiter = ',', default_values_t = Publish::DEFAULT)]
-    pub publish: Vec<Publish>,
-    /// The number of processes that may read at a time, 1 to 62; half as many may read the cloud. Memory is reserved
-    /// for all [default: 4]
-    #[arg(long, value_name = "N")]
-    pub readers: Option<Text<Readers>>,
-    #[command(flatten)]
+    /// Warn if depth drifts or flickers by more than this per frame while the image does not change: percent up to 100,
+    /// or `off` [default: 5]
+    #[arg(long, value_name = "PERCENT|off", help_heading = "Depth")]
+    pub stability_limit: Option<Text<StabilityLimit>>,
+    #[command(flatten, next_help_heading = "Obstacles")]
     #[serde(flatten)]
     pub obstacles: ObstacleArgs,
     /// Send obstacles to an autopilot, by MAVLink: udpout:HOST:PORT, tcpout:HOST:PORT or
     /// serial:DEVICE:BAUD; needs --mount
-    #[arg(long, value_name = "ADDRESS")]
+    #[arg(long, value_name = "ADDRESS", help_heading = "Obstacles")]
     pub mavlink: Option<Text<MavlinkAddress>>,
-    /// Roll and pitch of a robot that does not stay level: from the topic `attitude` of the camera in shared memory
-    /// (`shm`), or those that a recording was made with (`recording`); needs --mount
-    #[arg(long, value_name = "shm|recording")]
-    pub attitude: Option<Text<AttitudeSource>>,
-    /// Warn if depth drifts or flickers by more than this per frame while the image does not change: percent up to 100,
-    /// or `off` [default: 5]
-    #[arg(long, value_name = "PERCENT|off")]
-    pub stability_limit: Option<Text<StabilityLimit>>,
-    #[command(flatten)]
+    /// The topics that can be read, separated by commas; all but depth are computed only while something reads them.
+    /// With --mount, obstacles can always be read
+    #[arg(long, value_enum, value_delimiter = ',', default_values_t = Publish::DEFAULT)]
+    #[arg(help_heading = "Results")]
+    pub publish: Vec<Publish>,
+    /// The number of processes that may read at a time, 1 to 62; half as many may read the cloud. Memory is reserved
+    /// for all [default: 4]
+    #[arg(long, value_name = "N", help_heading = "Results")]
+    pub readers: Option<Text<Readers>>,
+    #[command(flatten, next_help_heading = "Results")]
     #[serde(flatten)]
     pub recording: RecordArgs,
     /// Write depth, labels, confidence, cloud and obstacles of the last frame into this folder
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", help_heading = "Results")]
     pub out: Option<PathBuf>,
+    /// Roll and pitch of a robot that does not stay level: from the topic `attitude` of the camera in shared memory
+    /// (`shm`), or those that a recording was made with (`recording`); needs --mount
+    #[arg(long, value_name = "shm|recording", help_heading = "Camera")]
+    pub attitude: Option<Text<AttitudeSource>>,
 }
 
 impl StreamArgs {

@@ -37,6 +37,50 @@ fn the_command_line_definition_is_consistent() {
     Cli::command().debug_assert();
 }
 
+/// The headings of the flags of a subcommand, in the order of its help.
+fn headings(subcommand: &str) -> Vec<String> {
+    let mut command = Cli::command();
+    command.build();
+    let mut headings = Vec::new();
+    let arguments = command.find_subcommand(subcommand).unwrap().get_arguments();
+    for argument in arguments.filter(|argument| !argument.is_positional()) {
+        let heading = argument.get_help_heading().unwrap_or("Options").to_owned();
+        if !headings.contains(&heading) {
+            headings.push(heading);
+        }
+    }
+    headings
+}
+
+#[test]
+fn help_groups_the_flags_in_reading_order_and_those_of_all_subcommands_are_the_last() {
+    let of_run = ["Configuration", "Model", "Source", "Camera", "Depth", "Obstacles", "Results"];
+    assert_eq!(headings("run")[..of_run.len()], of_run);
+    let others = ["ROS 2 and live view", "Statistics", "Global options"];
+    assert_eq!(headings("run")[of_run.len()..], others);
+    for (subcommand, expected) in [
+        ("infer", &["Results", "Model", "Camera", "Depth", "Obstacles"][..]),
+        ("feed", &["Source", "Camera"]),
+        ("replay", &["Model", "Source", "Camera", "Depth", "Results"]),
+        ("eval", &["Dataset", "Comparison", "Model", "Camera", "Depth", "Obstacles", "Results"]),
+        ("calibrate", &["Reference", "Source", "Camera", "Model", "Results"]),
+        ("tune", &["Options"]),
+    ] {
+        assert_eq!(headings(subcommand), [expected, &["Global options"]].concat(), "{subcommand}");
+    }
+}
+
+#[test]
+fn arguments_without_a_flag_are_in_their_own_section() {
+    let mut command = Cli::command();
+    command.build();
+    for subcommand in command.get_subcommands().filter(|subcommand| subcommand.get_name() != "help") {
+        for argument in subcommand.get_positionals() {
+            assert_eq!(argument.get_help_heading(), None, "{}: {argument}", subcommand.get_name());
+        }
+    }
+}
+
 #[test]
 fn the_default_subcommand_is_run_before_and_after_logging_flags() {
     for line in
@@ -119,7 +163,7 @@ fn an_error_of_a_number_or_address_names_what_is_expected() {
 
 #[test]
 fn help_and_version_are_those_of_the_program() {
-    for line in ["nunetd --help", "nunetd -V", "nunetd help bench"] {
+    for line in ["nunetd --help", "nunetd -V", "nunetd help bench", "nunetd run -h", "nunetd tune --help"] {
         let error = Cli::parse_line(line.split(' ').map(OsString::from)).unwrap_err();
         assert!(!error.use_stderr(), "{line}");
     }

@@ -10,7 +10,7 @@ use serde_json::{Map, Value, json};
 use crate::cli::Cli;
 use crate::cli::keys::{CAMERA_NAME_KEY, is_setting, stream_flags};
 
-/// A page of Markdown: a section per subcommand, a table of its flags.
+/// A page of Markdown: a section per subcommand, a table of its flags below each heading.
 fn page() -> String {
     let mut command = Cli::command();
     command.build();
@@ -27,12 +27,32 @@ fn page() -> String {
         }
         let about = subcommand.get_about().map(ToString::to_string).unwrap_or_default();
         // Writing into a string does not fail.
-        let _ = write!(page, "\n## nunetd {}\n\n{about}.\n\n", subcommand.get_name());
+        let _ = write!(page, "\n## nunetd {}\n\n{about}.\n", subcommand.get_name());
         let is_global = |argument: &&Arg| globals.iter().any(|global| global.get_id() == argument.get_id());
         let own: Vec<&Arg> = subcommand.get_arguments().filter(|argument| !is_global(argument)).collect();
-        table(&mut page, &own);
+        tables(&mut page, &own);
     }
     page
+}
+
+/// A table for each heading of the help, in its order: arguments without a heading are the first.
+fn tables(page: &mut String, arguments: &[&Arg]) {
+    let mut headings = vec![None];
+    for heading in arguments.iter().map(|argument| argument.get_help_heading()) {
+        if !headings.contains(&heading) {
+            headings.push(heading);
+        }
+    }
+    for heading in headings {
+        let is_below = |argument: &&&Arg| argument.get_help_heading() == heading;
+        let below: Vec<&Arg> = arguments.iter().filter(is_below).copied().collect();
+        if below.is_empty() {
+            continue;
+        }
+        *page += &heading.map(|heading| format!("\n### {heading}\n")).unwrap_or_default();
+        *page += "\n";
+        table(page, &below);
+    }
 }
 
 fn table(page: &mut String, arguments: &[&Arg]) {
