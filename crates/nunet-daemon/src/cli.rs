@@ -11,17 +11,16 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::builder::{OsStringValueParser, TypedValueParser as _};
-use clap::{ArgAction, Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand, ValueEnum};
+use clap::{ArgAction, Args, CommandFactory as _, FromArgMatches as _, Parser, ValueEnum};
 use nunet_core::graph::Provider;
 use nunet_engine::EngineOptions;
 use serde::Deserialize;
 
 use crate::config::LogOptions;
 
-mod arguments;
+pub mod arguments;
 mod calibrate;
 mod default_subcommand;
-mod dispatch;
 mod eval;
 mod file;
 mod filter;
@@ -32,17 +31,13 @@ mod obstacles;
 mod record;
 mod run;
 mod settings;
+mod subcommand;
 #[cfg(test)]
 mod tests;
 mod text;
 mod usage_error;
 
-pub use arguments::{
-    BenchArgs, CheckModelArgs, ContractArgs, DoctorArgs, FeedArgs, InferArgs, InspectArgs, TuneArgs,
-    WatchArgs,
-};
 pub use calibrate::CalibrateArgs;
-pub(crate) use dispatch::dispatch;
 pub use eval::{DepthUnitArgs, EvalArgs, ProtocolArg};
 pub use filter::FilterArgs;
 pub use foxglove_args::FoxgloveArgs;
@@ -51,6 +46,8 @@ pub use obstacles::{ImageObstacleArgs, ObstacleArgs};
 pub use record::{RecordArgs, ReplayArgs};
 pub use run::{AccessArgs, RunArgs, SourceArgs, StreamArgs};
 pub use settings::RunCommand;
+pub use subcommand::SubcommandArgs;
+pub(crate) use subcommand::dispatch;
 pub use text::Text;
 pub(crate) use usage_error::exit_code_of;
 
@@ -77,16 +74,6 @@ pub struct Cli {
     pub version: Option<bool>,
     #[command(subcommand)]
     pub subcommand: SubcommandArgs,
-}
-
-impl SubcommandArgs {
-    /// The configuration of `run`, for the subcommands that take its arguments.
-    fn run_mut(&mut self) -> Option<&mut RunCommand> {
-        match self {
-            Self::Run(run) | Self::Config(run) => Some(run),
-            _ => None,
-        }
-    }
 }
 
 impl Cli {
@@ -116,40 +103,6 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
         let is_option = argument.get_long().is_some() && argument.get_action().takes_values();
         argument.allow_negative_numbers(is_option)
     })
-}
-
-/// The subcommands.
-#[derive(Debug, Subcommand)]
-pub enum SubcommandArgs {
-    /// Publish depth of a camera in shared memory (the default)
-    Run(Box<RunCommand>),
-    /// Write depth, labels and cloud of single images as files
-    Infer(InferArgs),
-    /// Publish the frames of a source in shared memory, as a camera driver does
-    Feed(FeedArgs),
-    /// Print what a running nunetd publishes
-    Watch(WatchArgs),
-    /// Describe a model file
-    Inspect(InspectArgs),
-    /// Check this machine, ONNX Runtime and the model; print a fix for each problem
-    Doctor(DoctorArgs),
-    /// Print the shared-memory contract
-    Contract(ContractArgs),
-    /// Measure the latency of predictions, as in Table 2 of the paper
-    Bench(BenchArgs),
-    /// Find the fastest provider and number of threads for a model on this machine
-    Tune(TuneArgs),
-    /// Re-run a recording through the model into another recording, deterministically
-    Replay(Box<ReplayArgs>),
-    /// Measure the accuracy of a model against images with known depth
-    Eval(Box<EvalArgs>),
-    /// Measure the factor that scales the depth of a camera, and write it into its calibration file
-    Calibrate(Box<CalibrateArgs>),
-    /// Check the flags and the configuration file of `run`, and print the resulting configuration
-    Config(Box<RunCommand>),
-    /// Load a model in this process and test it (what `run` does in a child before it trusts a file)
-    #[command(hide = true)]
-    CheckModel(CheckModelArgs),
 }
 
 /// Log level and format.

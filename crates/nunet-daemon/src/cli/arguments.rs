@@ -5,8 +5,11 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::text::{Hash, Text};
+use super::text::{Hash, Text, value};
 use super::{CameraArgs, DEFAULT_MODEL, EngineArgs, GeometryArgs, ImageObstacleArgs, SourceArgs};
+use crate::exit::camera_name;
+use crate::source::SourceName;
+use crate::subcommands::{bench, feed, infer, tune};
 
 /// `nunetd infer`
 #[derive(Debug, Args, Clone)]
@@ -28,6 +31,19 @@ pub struct InferArgs {
     pub obstacles: ImageObstacleArgs,
 }
 
+impl InferArgs {
+    pub(super) fn options(self) -> anyhow::Result<infer::InferOptions> {
+        let (mount, engine) = (value(&self.obstacles.mount), self.engine.options());
+        let processing = self.processing.config(mount)?;
+        let max_range_m = processing.pipeline.max_range_m;
+        self.obstacles.check_mount(&processing.pipeline)?;
+        let obstacles = self.obstacles.options.config(mount, max_range_m, self.obstacles.obstacles)?;
+        let obstacles = obstacles.filter(|obstacles| obstacles.is_required);
+        let Self { images, out, model, .. } = self;
+        Ok(infer::InferOptions { images, out, model, processing, obstacles, engine })
+    }
+}
+
 /// `nunetd feed`
 #[derive(Debug, Args, Clone)]
 pub struct FeedArgs {
@@ -41,6 +57,14 @@ pub struct FeedArgs {
     pub camera: String,
     #[command(flatten, next_help_heading = "Camera")]
     pub geometry: GeometryArgs,
+}
+
+impl FeedArgs {
+    pub(super) fn options(&self) -> anyhow::Result<feed::FeedOptions> {
+        let source = self.pace.config(SourceName::parse(&self.source));
+        let (camera, geometry) = (camera_name(&self.camera)?, self.geometry.options());
+        Ok(feed::FeedOptions { source, camera, geometry })
+    }
 }
 
 /// `nunetd watch`
@@ -111,6 +135,13 @@ pub struct BenchArgs {
     pub engine: EngineArgs,
 }
 
+impl BenchArgs {
+    pub(super) fn options(self) -> bench::BenchOptions {
+        let (runs, engine) = (self.runs.0, self.engine.options());
+        bench::BenchOptions { models: self.model, image: self.image, runs, engine, json: self.json }
+    }
+}
+
 /// `nunetd tune`
 #[derive(Debug, Args, Clone)]
 pub struct TuneArgs {
@@ -131,6 +162,14 @@ pub struct TuneArgs {
     pub json: bool,
     #[command(flatten)]
     pub engine: EngineArgs,
+}
+
+impl TuneArgs {
+    pub(super) fn options(self) -> tune::TuneOptions {
+        let (runs, engine) = (self.runs.0, self.engine.options());
+        let Self { model, image, out, json, .. } = self;
+        tune::TuneOptions { model, image, runs, engine, out, json }
+    }
 }
 
 /// `nunetd check-model`

@@ -16,7 +16,7 @@ use toml::{Table, Value};
 
 use super::file::ConfigFile;
 use super::keys::{CAMERA_NAME_KEY, excludes, is_on, is_setting, stream_flags};
-use super::{Cli, LogArgs, RunArgs, StreamArgs};
+use super::{Cli, LogArgs, RunArgs, StreamArgs, SubcommandArgs};
 use crate::config::{CameraConfig, Config};
 use crate::exit::BadArguments;
 
@@ -64,7 +64,9 @@ pub(super) fn complete(
         Some((key, needed)) => Err(format!("`{key}` needs `{needed}`")),
         None => Ok(()),
     };
-    let Some(run) = cli.subcommand.run_mut() else { return unmet(&flags).map_err(refused) };
+    let (SubcommandArgs::Run(run) | SubcommandArgs::Config(run)) = &mut cli.subcommand else {
+        return unmet(&flags).map_err(refused);
+    };
     let (defaults, environment) = (ValueSource::DefaultValue, ValueSource::EnvVariable);
     run.settings = SettingLayers {
         defaults: table_of(&subcommand, matches, defaults),
@@ -75,8 +77,7 @@ pub(super) fn complete(
     refuse_what_is_not_unicode(&subcommand, matches).map_err(&mut refused)?;
     let cameras = run.settings.with_file(path, &subcommand, &flags).map_err(in_file)?;
     cameras.iter().try_for_each(unmet).map_err(|message| {
-        let is_of_flag = message.starts_with("`--");
-        if is_of_flag {
+        if message.starts_with("`--") {
             refused(message)
         } else {
             in_file(BadArguments::new(format!("`{}`: {message}", path.display())))
@@ -284,11 +285,7 @@ fn refuse_what_is_not_unicode(run: &Command, matches: &ArgMatches) -> Result<(),
         let values = matches.get_raw(argument.get_id().as_str()).into_iter().flatten();
         values.into_iter().all(|value| value.to_str().is_some())
     };
-    match given
-        .filter_map(|argument| (!is_unicode(&argument)).then(|| argument.get_long()).flatten())
-        .find(|&name| name != "config")
-    {
-        Some(name) => Err(format!("`--{name}` is not Unicode, which it must be beside `--config`")),
-        None => Ok(()),
-    }
+    let wrong = given.filter(|argument| !is_unicode(argument)).filter_map(Arg::get_long);
+    let refused = |name| Err(format!("`--{name}` is not Unicode, which it must be beside `--config`"));
+    wrong.filter(|name| *name != "config").try_for_each(refused)
 }
