@@ -13,7 +13,6 @@ use nunet_ros2::{DepthFormat, LinkName, Ros2Options, Topics};
 use nunet_types::ImageSize;
 use nunet_view::{UncheckedToken, ViewConfig};
 use serde::Deserialize;
-use tracing::warn;
 
 use super::lens::mount_for;
 use super::text::{FileMode, FrameId, Readers, StageEvery, Text, value};
@@ -234,7 +233,7 @@ pub struct StreamArgs {
 impl StreamArgs {
     /// As checked values. Opens nothing.
     fn config(&self, several: bool) -> anyhow::Result<CameraConfig> {
-        let source = source_name(self.source.as_deref());
+        let source = self.source.as_deref().map_or_else(SourceName::demo, SourceName::parse);
         let name = self.camera.as_deref().unwrap_or(source.properties().camera);
         self.checked(source.clone(), name).map_err(|error| in_camera(error, name, several))
     }
@@ -273,15 +272,6 @@ impl StreamArgs {
         let config = |source| Ok(AttitudeConfig { source, mount: mount_for("--attitude", mount)? });
         value(&self.attitude).map(config).transpose()
     }
-}
-
-/// Without `--source`, the demo scene, with a warning in case the flag was forgotten.
-fn source_name(source: Option<&str>) -> SourceName {
-    let demo = || {
-        warn!("no --source: frames come from the built-in demo scene");
-        SourceName::demo()
-    };
-    source.map_or_else(demo, SourceName::parse)
 }
 
 /// Where frames come from.

@@ -13,6 +13,7 @@ use clap::{Arg, ArgAction, ArgMatches, Args, Command, CommandFactory as _};
 use nunet_types::{printable, text_with_hint};
 use serde::de::DeserializeOwned;
 use toml::{Table, Value};
+use tracing::warn;
 
 use super::file::ConfigFile;
 use super::keys::{CAMERA_NAME_KEY, excludes, is_on, is_setting, stream_flags};
@@ -162,6 +163,14 @@ impl RunCommand {
         }
         let config = runs.first().context("one camera at least")?.config(&cameras)?;
         Ok(Config { file: self.line.config.clone(), ..config })
+    }
+
+    /// Warns of what may be a mistake in a valid configuration.
+    pub(crate) fn warn(&self) {
+        // In case the flag was forgotten. With a file, a source is required.
+        if self.line.config.is_none() && self.line.stream.source.is_none() {
+            warn!("no --source: frames come from the built-in demo scene");
+        }
     }
 
     /// What `nunetd run` would do, as a file that `--config` takes.

@@ -48,7 +48,7 @@ pub enum SubcommandArgs {
 /// Runs a subcommand.
 pub(crate) fn dispatch(subcommand: SubcommandArgs) -> anyhow::Result<Outcome> {
     match subcommand {
-        SubcommandArgs::Run(args) => run::run(&args.config()?),
+        SubcommandArgs::Run(args) => run::run(&args.config()?, || args.warn()),
         SubcommandArgs::Infer(args) => infer::infer(&args.options()?),
         SubcommandArgs::Feed(args) => feed::feed(&args.options()?),
         SubcommandArgs::Watch(args) => {
@@ -64,7 +64,7 @@ pub(crate) fn dispatch(subcommand: SubcommandArgs) -> anyhow::Result<Outcome> {
         SubcommandArgs::Eval(args) => eval::eval(args.options()?),
         SubcommandArgs::Config(args) => {
             let config = args.config()?;
-            config::config(&config, &args.effective(&config))
+            config::config(&config, &args.effective(&config), || args.warn())
         }
         SubcommandArgs::CheckModel(args) => {
             let hashes = args.hash.into_iter().map(|Text(Hash(hash))| hash).collect();

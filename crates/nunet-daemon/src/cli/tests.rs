@@ -82,6 +82,16 @@ fn arguments_without_a_flag_are_in_their_own_section() {
 }
 
 #[test]
+fn warnings_are_only_given_for_a_valid_configuration() {
+    let SubcommandArgs::Config(run) = parse_flags("nunetd config --model missing.onnx").subcommand else {
+        panic!("`config` was asked for");
+    };
+    let mut is_warned = false;
+    let printed = crate::subcommands::config::config(&run.config().unwrap(), "", || is_warned = true);
+    assert!(printed.is_err() && !is_warned);
+}
+
+#[test]
 fn the_default_subcommand_is_run_before_and_after_logging_flags() {
     for line in
         ["nunetd", "nunetd -q", "nunetd --model a.onnx -v", "nunetd -vv --log-format json --model a.onnx"]

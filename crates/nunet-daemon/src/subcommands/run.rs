@@ -27,10 +27,11 @@ use crate::sink::stats::{Common, ModelName, Stats};
 use crate::source::{Notify, SourceName};
 use crate::stream::{self, SourceEnd, Stop, Stopped, StreamEnd, StreamSummary};
 
-/// Runs until all sources have ended, `--frames` of each are captured, or a stop is requested.
-pub(crate) fn run(config: &Config) -> anyhow::Result<Outcome> {
+/// Runs until all sources have ended, `--frames` of each are captured, or a stop is requested. `warn` is
+/// called before the first frame, if the configuration is valid.
+pub(crate) fn run(config: &Config, warn: impl FnOnce()) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
-    match start(config, &stop) {
+    match start(config, &stop, warn) {
         Err(error) if error.is::<Stopped>() => {
             info!("{error}");
             Ok(Outcome::Done)
@@ -40,7 +41,7 @@ pub(crate) fn run(config: &Config) -> anyhow::Result<Outcome> {
 }
 
 /// Each step before the first frame may take long, so a stop is checked before each.
-fn start(config: &Config, stop: &Stop) -> anyhow::Result<Outcome> {
+fn start(config: &Config, stop: &Stop, warn: impl FnOnce()) -> anyhow::Result<Outcome> {
     share(config.outputs.access.as_ref())?;
     let cameras = camera::prepare(camera::plans(config)?, stop, SourceName::open)?;
     let outputs = OutputPaths::of(&cameras, config.outputs.stats_json.as_deref());
@@ -63,6 +64,7 @@ fn start(config: &Config, stop: &Stop) -> anyhow::Result<Outcome> {
     // stop.
     stop.check()?;
     outputs.make()?;
+    warn();
     let notify = Arc::new(Notify::default());
     let streams = cameras.into_iter().map(|camera| camera.start(common, &servers, &notify));
     let streams = streams.collect::<anyhow::Result<Vec<_>>>()?;
