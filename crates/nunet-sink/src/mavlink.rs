@@ -3,6 +3,7 @@
 use std::time::{Duration, Instant};
 
 use nunet_mavlink::{DistanceRing, LinkEvent, MavlinkAddress, MavlinkLink};
+use nunet_types::counted;
 use tracing::{info, warn};
 
 use crate::queue::{OnRoom, SinkQueue, Writer};
@@ -47,6 +48,10 @@ impl Sink for MavlinkSink {
     /// An autopilot needs no old distances, so only the message that is being sent is waited for.
     fn finish(self: Box<Self>, _last: Option<&Results<'_>>) -> FinishingSink {
         let closed = self.queue.close();
+        if closed.dropped > 0 {
+            let messages = counted(closed.dropped, "message");
+            warn!("{messages} not sent to the autopilot: the connection did not keep up");
+        }
         FinishingSink::new(move |timeout| {
             closed.wait("the messages to the autopilot", timeout)?;
             Ok(Outcome::Done)

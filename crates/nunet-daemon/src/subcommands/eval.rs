@@ -16,7 +16,7 @@ use tracing::{error, info, warn};
 use super::load::{load, tested_pipeline};
 use super::progress::progress;
 use crate::Outcome;
-use crate::exit::{WithHint, warn_of_camera};
+use crate::exit::{BadArguments, WithHint, warn_of_camera};
 use nunet_sink::stdout::print;
 
 /// The hint for a file of ids that cannot be used.
