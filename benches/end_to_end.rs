@@ -1,6 +1,7 @@
 //! From an image to the moment when a reader holds its depth.
 //!
-//! `network` is the same session's bare run in the same round: the difference is the overhead of the pipeline.
+//! `network` is the same session's bare run in the same round: the difference is the overhead of the
+//! pipeline.
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use nunet_core::clock::Clock;

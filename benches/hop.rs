@@ -1,7 +1,9 @@
-//! How long a frame takes from its publisher to its reader, by payload size. Nothing is copied, so size should not matter.
+//! How long a frame takes from its publisher to its reader, by payload size. Nothing is copied, so size
+//! should not matter.
 //!
-//! `hop/wake/SIZE` is two processes: from before the send to the received view, with the reader asleep (its clock
-//! is the publisher's, `CLOCK_MONOTONIC`). `hop/loan_publish_receive/SIZE` is one process; its reader does not sleep.
+//! `hop/wake/SIZE` is two processes: from before the send to the received view, with the reader asleep (its
+//! clock is the publisher's, `CLOCK_MONOTONIC`). `hop/loan_publish_receive/SIZE` is one process; its reader
+//! does not sleep.
 
 #![expect(clippy::unwrap_used, reason = "a benchmark may stop at the first thing that is wrong")]
 

@@ -1,5 +1,5 @@
-//! Writes views of the ray-cast test room with their exact depth, as a dataset: `rgb/` and `depth/` (16-bit millimeters) as
-//! `nunetd eval` and the recipe read them.
+//! Writes views of the ray-cast test room with their exact depth, as a dataset: `rgb/` and `depth/` (16-bit
+//! millimeters) as `nunetd eval` and the recipe read them.
 //!
 //! `cargo run --release -p nunet-daemon --example render_demo_scene -- DIR`
 

@@ -1,7 +1,8 @@
 //! Puts the commit into release builds, for `nunetd --version`.
 //!
-//! Asked in this order: the variable `NUNET_COMMIT` (builds without a repository, such as the container's), the file
-//! that `cargo package` leaves, git. Builds of other profiles carry no commit, so that a commit does not recompile them.
+//! Asked in this order: the variable `NUNET_COMMIT` (builds without a repository, such as the container's),
+//! the file that `cargo package` leaves, git. Builds of other profiles carry no commit, so that a commit does
+//! not recompile them.
 
 use std::path::Path;
 use std::process::Command;

@@ -25,7 +25,8 @@ impl Numbers<'_> {
     }
 }
 
-/// A header of arbitrary numbers: each word is known or an error, each text is UTF-8, and its camera is valid or refused.
+/// A header of arbitrary numbers: each word is known or an error, each text is UTF-8, and its camera is valid
+/// or refused.
 pub fn header(data: &[u8]) {
     let header = header_of(&mut Numbers(data));
     check_words(&header);

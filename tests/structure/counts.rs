@@ -7,7 +7,8 @@ use crate::rust_source::{is_test_file, without_tests};
 /// Nouns of counts that are 1 in practice.
 const NOUNS: [&str; 7] = ["cameras", "files", "frames", "images", "messages", "readers", "threads"];
 
-/// The places where a value is followed by a noun in the plural. A rate such as `30.0 frames/s` has no singular.
+/// The places where a value is followed by a noun in the plural. A rate such as `30.0 frames/s` has no
+/// singular.
 fn plurals(path: &str, text: &str) -> Vec<String> {
     let mut problems = Vec::new();
     for (index, line) in without_tests(text).lines().enumerate() {

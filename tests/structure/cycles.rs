@@ -1,9 +1,9 @@
 //! No crate has an import cycle between its modules.
 //!
-//! Each folder is checked by itself: its modules are the nodes, a subfolder counts as one module, and a path such as
-//! `crate::depth::Units` is an edge between the modules in which its two ends lie below their common folder. A name that a
-//! folder's root re-exports (`pub use child::Name`) stands for the child. Whatever else the root contains belongs to the
-//! folder as a whole: children may name it.
+//! Each folder is checked by itself: its modules are the nodes, a subfolder counts as one module, and a path
+//! such as `crate::depth::Units` is an edge between the modules in which its two ends lie below their common
+//! folder. A name that a folder's root re-exports (`pub use child::Name`) stands for the child. Whatever else
+//! the root contains belongs to the folder as a whole: children may name it.
 
 use std::collections::{BTreeMap, BTreeSet};
 

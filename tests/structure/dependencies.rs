@@ -1,5 +1,5 @@
-//! Allowed dependencies: one folder uses ONNX Runtime, one crate iceoryx2, one the MCAP libraries, nunet-ipc is a leaf, and
-//! the Python package uses the daemon's crate for the command `nunetd` only.
+//! Allowed dependencies: one folder uses ONNX Runtime, one crate iceoryx2, one the MCAP libraries, nunet-ipc
+//! is a leaf, and the Python package uses the daemon's crate for the command `nunetd` only.
 
 use crate::assert_none;
 use crate::repository;

@@ -19,8 +19,8 @@ pub(crate) struct Function {
     pub(crate) lines: usize,
 }
 
-/// Finds path, name, first line and number of lines of each function. Docstrings do not count, as doc comments do not in
-/// Rust.
+/// Finds path, name, first line and number of lines of each function. Docstrings do not count, as doc
+/// comments do not in Rust.
 const PYTHON_FUNCTIONS: &str = "
 for path, text in files:
     for node in ast.walk(ast.parse(text, path)):

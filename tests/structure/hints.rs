@@ -43,8 +43,8 @@ const COPIED: [(&str, &str); 5] = [
     ("ViewError", "`WithHint`: its hints name the flags"),
 ];
 
-/// The variants of transparent errors in a file that its `Hint` does not name. Only the error inside is shown: it is not in
-/// the chain of causes, so that its hint and its kind are lost unless they are passed on.
+/// The variants of transparent errors in a file that its `Hint` does not name. Only the error inside is
+/// shown: it is not in the chain of causes, so that its hint and its kind are lost unless they are passed on.
 fn forgotten_variants(path: &str, text: &str) -> Vec<String> {
     let text = without_tests(text);
     let Some((_, hints)) = text.split_once("\nimpl Hint for ") else { return Vec::new() };

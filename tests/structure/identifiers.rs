@@ -1,5 +1,6 @@
-//! Names that were replaced do not return as names of types, functions, fields, parameters and variables. Many of them are
-//! fine words in a sentence, so only definitions are searched. `vocabulary.rs` has the words that are wrong everywhere.
+//! Names that were replaced do not return as names of types, functions, fields, parameters and variables.
+//! Many of them are fine words in a sentence, so only definitions are searched. `vocabulary.rs` has the words
+//! that are wrong everywhere.
 
 use proc_macro2::Ident;
 use syn::visit::{self, Visit};
@@ -146,7 +147,8 @@ fn c(text: &str) -> Vec<Definition> {
     words.map(definition).collect()
 }
 
-/// The variables and functions of a shell script: what is before `=`, `()`, and after `for`, `local` and `read`.
+/// The variables and functions of a shell script: what is before `=`, `()`, and after `for`, `local` and
+/// `read`.
 fn shell(text: &str) -> Vec<Definition> {
     let mut found = Vec::new();
     for (index, line) in text.lines().enumerate() {

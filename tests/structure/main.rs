@@ -1,8 +1,8 @@
 //! Tests of the repository's structure: allowed dependencies, rules of core, lengths of files, and that
 //! links in documents are valid. Run by `cargo xtask check`.
 //!
-//! Each rule is a function from text to problems, and is tested with a counter-example beside it, because a check that
-//! cannot fail is useless.
+//! Each rule is a function from text to problems, and is tested with a counter-example beside it, because a
+//! check that cannot fail is useless.
 
 mod core_rules;
 mod counts;

@@ -53,7 +53,8 @@ const DAEMON: Order = Order {
         "sink",
         "stream",
         "subcommands",
-        // Last: the command line makes the configuration that all others take, and only the crate's root calls it.
+        // Last: the command line makes the configuration that all others take, and only the crate's root
+        // calls it.
         "cli",
     ],
     ahead: &[],

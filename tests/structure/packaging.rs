@@ -54,8 +54,8 @@ fn a_published_crate_without_keywords_is_found() {
     assert!(undescribed("a", "[package]\npublish = false\n").is_empty());
 }
 
-/// Settings of the release profile that are missing. Without them, nunetd, the Python extension and libnunet.a took 70 to
-/// 80 MB each.
+/// Settings of the release profile that are missing. Without them, nunetd, the Python extension and
+/// libnunet.a took 70 to 80 MB each.
 fn unstripped(manifest: &str) -> Vec<String> {
     let profile = manifest.split("[profile.release]\n").nth(1).unwrap_or_default();
     let lines: Vec<_> = profile.lines().take_while(|line| !line.starts_with('[')).collect();

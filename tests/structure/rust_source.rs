@@ -1,5 +1,5 @@
-//! What the tests read in Rust files: items and functions by the parser `syn`, and the paths that a file names, macros
-//! included, by a scanner that blanks comments and literals and unfolds `use` trees.
+//! What the tests read in Rust files: items and functions by the parser `syn`, and the paths that a file
+//! names, macros included, by a scanner that blanks comments and literals and unfolds `use` trees.
 
 use std::ops::RangeInclusive;
 

@@ -13,7 +13,8 @@ const MAX_MODEL_BYTES: usize = 110_000_000;
 /// Copies of some models for the Python package. Git stores equal files once.
 const COPIES: &str = "crates/nunet-py/python/nunet_py/models/";
 
-/// The most bytes of any other file: larger ones are data, recordings or builds, which do not belong into git.
+/// The most bytes of any other file: larger ones are data, recordings or builds, which do not belong into
+/// git.
 const MAX_FILE_BYTES: usize = 5_000_000;
 
 fn too_long(path: &str, text: &str) -> Vec<String> {
@@ -58,6 +59,36 @@ fn the_daemon_has_less_than_8000_lines_without_its_tests() {
     assert!(sources.iter().any(|(path, _)| path.ends_with("/build.rs")), "the whole crate counts");
     let lines: usize = sources.iter().map(|(_, text)| code_lines(text)).sum();
     assert!((1..MAX_DAEMON_LINES).contains(&lines), "{lines} lines, fewer than {MAX_DAEMON_LINES} wanted");
+}
+
+/// The most columns of a comment. rustfmt limits code, and texts may be longer.
+const MAX_COLUMNS: usize = 110;
+
+/// Comments that are too wide. Rows of tables and links cannot be wrapped.
+fn wide_comments(path: &str, text: &str) -> Vec<String> {
+    let is_wide = |line: &str| {
+        let comment = line.trim_start().strip_prefix("//").unwrap_or_default();
+        let comment = comment.trim_start_matches(['/', '!']).trim();
+        line.chars().count() > MAX_COLUMNS && !comment.starts_with('|') && comment.contains(' ')
+    };
+    let wide = text.lines().enumerate().filter(|(_, line)| is_wide(line));
+    wide.map(|(index, _)| format!("{path}:{}: more than {MAX_COLUMNS} columns", index + 1)).collect()
+}
+
+#[test]
+fn comments_have_110_columns_at_most() {
+    let sources = repository::texts(|path| path.ends_with(".rs"));
+    let wide = sources.iter().flat_map(|(path, text)| wide_comments(path, text));
+    assert_none(&wide.collect::<Vec<_>>());
+}
+
+#[test]
+fn a_wide_comment_is_found_and_a_table_or_a_text_is_none() {
+    let wide = "word ".repeat(23);
+    for comment in ["// ", "    /// ", "//! - "] {
+        assert_eq!(wide_comments("a.rs", &format!("{comment}{wide}")).len(), 1);
+    }
+    assert_none(&wide_comments("a.rs", &format!("//! | {wide} |\nlet text = \"{wide}\";\n")));
 }
 
 #[test]

@@ -1,5 +1,5 @@
-//! One term per concept: replaced words do not return to code, comments, documents or tests. `identifiers.rs` has the words
-//! that are wrong as names only.
+//! One term per concept: replaced words do not return to code, comments, documents or tests. `identifiers.rs`
+//! has the words that are wrong as names only.
 
 use crate::assert_none;
 use crate::repository;

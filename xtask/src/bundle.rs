@@ -12,8 +12,8 @@ use crate::run::say;
 const FROM: &str = "models";
 const TO: &str = "crates/nunet-py/python/nunet_py/models";
 
-/// Copies the models and the images of the demo that are bundled already, again: maturin packs no file from outside the
-/// package's folder, and a link would be packed as one. Git keeps the same bytes once.
+/// Copies the models and the images of the demo that are bundled already, again: maturin packs no file from
+/// outside the package's folder, and a link would be packed as one. Git keeps the same bytes once.
 pub(crate) fn bundle() -> Result<()> {
     copy_again(Path::new(""))
 }

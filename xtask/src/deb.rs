@@ -1,4 +1,5 @@
-//! `cargo xtask deb`: the Debian packages. `nunetd` needs no network when it is installed; `nunet-dev` is for C and C++.
+//! `cargo xtask deb`: the Debian packages. `nunetd` needs no network when it is installed; `nunet-dev` is for
+//! C and C++.
 
 use std::fs;
 use std::path::Path;

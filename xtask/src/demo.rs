@@ -45,7 +45,8 @@ pub(crate) fn demo() -> Result<()> {
     // Every fourth row and column of the cloud: a recording of whole clouds takes 5.5 MB per frame.
     nunetd.args(["--cloud-stride", "4"]);
     nunetd.args(["--stats-json", &stats, "--out", FOLDER, "--record", &recording]);
-    // Several cameras named `demo` cannot run on one machine at the same time; this one has a name of its own.
+    // Several cameras named `demo` cannot run on one machine at the same time; this one has a name of its
+    // own.
     run(nunetd.args(["--camera", &format!("xtask-demo-{}", std::process::id())]))?;
 
     let names = RESULTS.iter().map(|(name, _)| *name);

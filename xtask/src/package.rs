@@ -1,7 +1,8 @@
 //! The Python package as the tests use it: in an environment of this checkout's own, over the shared one.
 //!
-//! Laid out by hand and not by maturin, which builds the crate alone: with other features than `cargo test` has, so
-//! that half of the dependencies would be compiled twice. What maturin makes is for `cargo xtask wheel`.
+//! Laid out by hand and not by maturin, which builds the crate alone: with other features than `cargo test`
+//! has, so that half of the dependencies would be compiled twice. What maturin makes is for
+//! `cargo xtask wheel`.
 
 use std::fs;
 use std::os::unix::fs::{PermissionsExt as _, symlink};

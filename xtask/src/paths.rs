@@ -13,7 +13,8 @@ pub(crate) fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("xtask is a folder of the checkout")
 }
 
-/// `$XDG_CACHE_HOME/nunet`, else `~/.cache/nunet`: outside the checkout, so that a fresh clone need not download again.
+/// `$XDG_CACHE_HOME/nunet`, else `~/.cache/nunet`: outside the checkout, so that a fresh clone need not
+/// download again.
 pub(crate) fn cache() -> Result<PathBuf> {
     let named = env::var_os("XDG_CACHE_HOME").map(PathBuf::from);
     // The XDG specification: a relative path is to be ignored.
@@ -29,7 +30,8 @@ pub(crate) fn cache() -> Result<PathBuf> {
     Ok(cache.join("nunet"))
 }
 
-/// The target folder that this program was built into: cargo's settings may have moved it out of the checkout.
+/// The target folder that this program was built into: cargo's settings may have moved it out of the
+/// checkout.
 pub(crate) fn target() -> Result<PathBuf> {
     let this = env::current_exe().context("cannot find the path of this program")?;
     Ok(this.ancestors().nth(2).context("this program lies outside a target folder")?.to_owned())

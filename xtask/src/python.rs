@@ -1,5 +1,5 @@
-//! Python environments without a Python package manager: Debian's python3 has `venv` but no pip and no ensurepip, so
-//! a bare environment is made and filled by pip run from its own pinned wheel.
+//! Python environments without a Python package manager: Debian's python3 has `venv` but no pip and no
+//! ensurepip, so a bare environment is made and filled by pip run from its own pinned wheel.
 
 use std::fs;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
@@ -24,8 +24,8 @@ const TORCH_INDEX: &str = "NUNET_TORCH_INDEX";
 /// An environment that was not used for this long belongs to old requirements.
 const FORGOTTEN_AFTER: Duration = Duration::from_hours(30 * 24);
 
-/// Prints the recipe's dependencies, a line each: pip could install them by `--only-deps`, but a change elsewhere in
-/// that file must not require a new environment.
+/// Prints the recipe's dependencies, a line each: pip could install them by `--only-deps`, but a change
+/// elsewhere in that file must not require a new environment.
 const RECIPE_REQUIREMENTS: &str = "import tomllib
 with open('models/recipe/pyproject.toml', 'rb') as file:
     project = tomllib.load(file)['project']
@@ -129,8 +129,8 @@ pub(crate) fn pip_of(python: &Path, words: &[&str]) -> Result<Command> {
     Ok(command)
 }
 
-/// The environment of `models/recipe`: torch and its libraries. The recipe itself is not installed in it but found by
-/// PYTHONPATH, so that clones with different recipes share one environment.
+/// The environment of `models/recipe`: torch and its libraries. The recipe itself is not installed in it but
+/// found by PYTHONPATH, so that clones with different recipes share one environment.
 pub(crate) fn recipe_environment() -> Result<PathBuf> {
     let mut reader = Command::new(interpreter::system()?.program);
     reader.args(["-c", RECIPE_REQUIREMENTS]).current_dir(paths::root());
@@ -158,8 +158,8 @@ fn environment(
     environment_of(&interpreter::system()?, name, requirements, fill)
 }
 
-/// The interpreter of an environment with these requirements. It is in the cache under a hash of them and of the
-/// interpreter, and is created again if it is incomplete.
+/// The interpreter of an environment with these requirements. It is in the cache under a hash of them and of
+/// the interpreter, and is created again if it is incomplete.
 fn environment_of(
     system: &interpreter::System,
     name: &str,
@@ -195,12 +195,13 @@ fn install(python: &Path, requirements: &[String]) -> Result<()> {
     run(pip_of(python, &["install"])?.args(requirements))
 }
 
-/// Installs the recipe's requirements with the smallest torch to be had. On Linux, the package index's own torch is built
-/// for CUDA and takes 5 GB with its libraries; the recipe and its tests compute on the processor.
+/// Installs the recipe's requirements with the smallest torch to be had. On Linux, the package index's own
+/// torch is built for CUDA and takes 5 GB with its libraries; the recipe and its tests compute on the
+/// processor.
 ///
-/// Tried in this order: an index of CPU builds named by [`TORCH_INDEX`]; wheels in the folders that pip is configured to
-/// search (`find-links`); the usual index. Of its build for CUDA, the compiler for graphics cards (1 GB) is removed again;
-/// torch does not start without the other libraries.
+/// Tried in this order: an index of CPU builds named by [`TORCH_INDEX`]; wheels in the folders that pip is
+/// configured to search (`find-links`); the usual index. Of its build for CUDA, the compiler for graphics
+/// cards (1 GB) is removed again; torch does not start without the other libraries.
 fn install_recipe(python: &Path, requirements: &[String]) -> Result<()> {
     let is_torch = |line: &&String| line.starts_with("torch");
     let torch: Vec<_> = requirements.iter().filter(is_torch).collect();

@@ -34,8 +34,8 @@ pub(crate) fn cargo(arguments: &[&str]) -> Command {
     let program = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut command = Command::new(program);
     command.args(arguments);
-    // The variables by which cargo describes this program. Some build scripts read them, and would run again after each
-    // change between `cargo xtask` and `cargo`.
+    // The variables by which cargo describes this program. Some build scripts read them, and would run again
+    // after each change between `cargo xtask` and `cargo`.
     let about_this_program =
         |name: &str| name.starts_with("CARGO_PKG_") || name.starts_with("CARGO_MANIFEST_");
     for (name, _) in std::env::vars_os().filter(|(name, _)| name.to_str().is_some_and(about_this_program)) {

@@ -22,9 +22,9 @@ pub(crate) fn test() -> Result<()> {
     let mut recipe = python::recipe(&heavy);
     recipe.args(["-m", "pytest", "-q", "models/recipe/tests"]);
     let mut parts = vec![
-        // It leaves `nunetd` and, in `deps`, `libnunet.a` and `libnunet.so` for the parts after it: cargo builds a
-        // crate's binary and libraries for its integration tests. A build of its own would choose other features
-        // and compile half of the dependencies again.
+        // It leaves `nunetd` and, in `deps`, `libnunet.a` and `libnunet.so` for the parts after it: cargo
+        // builds a crate's binary and libraries for its integration tests. A build of its own would choose
+        // other features and compile half of the dependencies again.
         ("Rust", cargo(&["test", "--workspace", "--no-fail-fast"])),
         ("Python lint", lint),
         ("Python clients", clients),

@@ -1,4 +1,5 @@
-//! `cargo xtask wheel`: the Python package as a wheel, and everything that an installation without a network needs.
+//! `cargo xtask wheel`: the Python package as a wheel, and everything that an installation without a network
+//! needs.
 
 use std::fs;
 use std::path::{Path, PathBuf};

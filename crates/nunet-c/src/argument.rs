@@ -32,7 +32,8 @@ pub(crate) fn fill<T>(pointer: Option<&mut MaybeUninit<T>>, value: T) {
 /// A string of the caller's.
 ///
 /// # Safety
-/// `pointer` is NULL or points to bytes that end with a zero byte and do not change until the result is dropped.
+/// `pointer` is NULL or points to bytes that end with a zero byte and do not change until the result is
+/// dropped.
 pub(crate) unsafe fn text<'a>(pointer: *const c_char, name: &str) -> Result<&'a str, Failure> {
     if pointer.is_null() {
         return Err(null(name));

@@ -11,19 +11,21 @@ use crate::argument::{camera, place, word};
 use crate::handle::{Table, locked};
 use crate::status::{StatusCode, guard};
 
-/// The publisher of the attitude for a camera. Calls with one publisher run one after the other, from any threads.
+/// The publisher of the attitude for a camera. Calls with one publisher run one after the other, from any
+/// threads.
 #[derive(Debug)]
 pub struct AttitudeHandle;
 
 static ATTITUDES: Table<AttitudePublisher> = Table::new("attitude publisher");
 
-/// Becomes the publisher of the attitude of the robot's base for a camera, which `nunetd --attitude shm` reads.
+/// Becomes the publisher of the attitude of the robot's base for a camera, which `nunetd --attitude shm`
+/// reads.
 ///
 /// `clock`: a `nunet_clock_t`, that of the samples' times. `*attitude` is the caller's, to be closed with
 /// `nunet_attitude_close()`; NULL after a failure.
 ///
-/// Fails with `NUNET_ALREADY_PUBLISHED` when another process publishes it, `NUNET_SHARED_MEMORY`, `NUNET_OTHER_LIMITS`,
-/// `NUNET_WRONG_CONTRACT_VERSION`, `NUNET_SYSTEM`, `NUNET_BAD_ARGUMENT`.
+/// Fails with `NUNET_ALREADY_PUBLISHED` when another process publishes it, `NUNET_SHARED_MEMORY`,
+/// `NUNET_OTHER_LIMITS`, `NUNET_WRONG_CONTRACT_VERSION`, `NUNET_SYSTEM`, `NUNET_BAD_ARGUMENT`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nunet_attitude_open(
     camera: *const c_char,
@@ -41,12 +43,12 @@ pub unsafe extern "C" fn nunet_attitude_open(
 
 /// Publishes a sample. Call it for each measurement of the sensor, about 50 to 200 times per second.
 ///
-/// `capture_nanos`: when it was measured, nanoseconds of the publisher's clock (`nunet_monotonic_nanos()`). `roll_rad`,
-/// `pitch_rad`: rotation of the base about x (forward) and y (left), radians; a positive roll lowers the right side, a positive
-/// pitch the front.
+/// `capture_nanos`: when it was measured, nanoseconds of the publisher's clock (`nunet_monotonic_nanos()`).
+/// `roll_rad`, `pitch_rad`: rotation of the base about x (forward) and y (left), radians; a positive roll
+/// lowers the right side, a positive pitch the front.
 ///
-/// Fails with `NUNET_BAD_ARGUMENT` for an angle that is not a number or is beyond a turn and for a negative time,
-/// `NUNET_SYSTEM`, `NUNET_CLOSED`.
+/// Fails with `NUNET_BAD_ARGUMENT` for an angle that is not a number or is beyond a turn and for a negative
+/// time, `NUNET_SYSTEM`, `NUNET_CLOSED`.
 #[unsafe(no_mangle)]
 pub extern "C" fn nunet_attitude_publish(
     attitude: *const AttitudeHandle,

@@ -70,8 +70,8 @@ impl ImagePublisher {
         Ok((loan, token))
     }
 
-    /// Only one loan at a time. nunet-ipc would lend more while few readers hold chunks, but how many would depend on the
-    /// readers, and two open loans would have the same sequence number.
+    /// Only one loan at a time. nunet-ipc would lend more while few readers hold chunks, but how many would
+    /// depend on the readers, and two open loans would have the same sequence number.
     pub(crate) fn loan(&self) -> Result<Loan, Failure> {
         if self.lent.strong_count() > 0 {
             return Err(IpcError::TooManyLoans { topic: Topic::Rgb, limit: 1 }.into());

@@ -13,8 +13,8 @@ use crate::argument::{fill, place, pointer_to};
 use crate::handle::{Table, locked};
 use crate::status::{Failure, StatusCode, guard};
 
-/// One message in shared memory, read-only. Its memory does not change until it is released, also after its reader is
-/// closed and its publisher has ended. Any thread may read and release it.
+/// One message in shared memory, read-only. Its memory does not change until it is released, also after its
+/// reader is closed and its publisher has ended. Any thread may read and release it.
 #[derive(Debug)]
 pub struct FrameHandle;
 
@@ -70,7 +70,8 @@ pub extern "C" fn nunet_frame_bytes(
     })
 }
 
-/// The time since capture, in nanoseconds: by the monotonic clock where the camera uses it, otherwise by the time of day.
+/// The time since capture, in nanoseconds: by the monotonic clock where the camera uses it, otherwise by the
+/// time of day.
 ///
 /// `*age_nanos` is `INT64_MIN` where the sender knows neither.
 ///
@@ -89,13 +90,13 @@ pub extern "C" fn nunet_frame_age(
     })
 }
 
-/// A depth map: `height` rows from the top of `width` floats, in the header's units (usually meters), NaN where there
-/// is no measurement.
+/// A depth map: `height` rows from the top of `width` floats, in the header's units (usually meters), NaN
+/// where there is no measurement.
 ///
 /// `*depth` is valid until the frame is released; NULL after a failure. `width` and `height` may be NULL.
 ///
-/// Fails with `NUNET_WRONG_ENCODING` when it is something else, `NUNET_BAD_MESSAGE` when its size is not that of its
-/// header.
+/// Fails with `NUNET_WRONG_ENCODING` when it is something else, `NUNET_BAD_MESSAGE` when its size is not that
+/// of its header.
 #[unsafe(no_mangle)]
 pub extern "C" fn nunet_frame_depth(
     frame: *const FrameHandle,
@@ -106,7 +107,8 @@ pub extern "C" fn nunet_frame_depth(
     guard(|| grid(frame, place(depth, "depth", std::ptr::null())?, width, height, Message::depth))
 }
 
-/// The class of each pixel: `height` rows from the top of `width` bytes. `nunetd inspect MODEL` names the classes.
+/// The class of each pixel: `height` rows from the top of `width` bytes. `nunetd inspect MODEL` names the
+/// classes.
 ///
 /// Pointers and failures as in `nunet_frame_depth()`.
 #[unsafe(no_mangle)]
@@ -119,8 +121,8 @@ pub extern "C" fn nunet_frame_labels(
     guard(|| grid(frame, place(labels, "labels", std::ptr::null())?, width, height, Message::labels))
 }
 
-/// The confidence of each pixel's depth: `height` rows from the top of `width` bytes, 255 = certain, 0 where there is no
-/// measurement.
+/// The confidence of each pixel's depth: `height` rows from the top of `width` bytes, 255 = certain, 0 where
+/// there is no measurement.
 ///
 /// Pointers and failures as in `nunet_frame_depth()`.
 #[unsafe(no_mangle)]
@@ -136,8 +138,8 @@ pub extern "C" fn nunet_frame_confidence(
     })
 }
 
-/// A cloud: `height` rows from the top of `width` points in the camera's optical frame (x right, y down, z forward), in
-/// the header's units; NaN where there is no measurement.
+/// A cloud: `height` rows from the top of `width` points in the camera's optical frame (x right, y down, z
+/// forward), in the header's units; NaN where there is no measurement.
 ///
 /// Pointers and failures as in `nunet_frame_depth()`.
 #[unsafe(no_mangle)]
@@ -170,8 +172,8 @@ pub extern "C" fn nunet_frame_stats(
 
 /// The obstacles around the robot, from a frame of the topic `obstacles`.
 ///
-/// `*obstacles` is valid until the frame is released; NULL after a failure. Only the first `sector_count` sectors and
-/// `point_count` points mean something.
+/// `*obstacles` is valid until the frame is released; NULL after a failure. Only the first `sector_count`
+/// sectors and `point_count` points mean something.
 ///
 /// Fails with `NUNET_WRONG_ENCODING`, `NUNET_BAD_MESSAGE`.
 #[unsafe(no_mangle)]
@@ -197,8 +199,8 @@ pub extern "C" fn nunet_frame_obstacles(
 
 /// The attitude of the robot's base, from a frame of the topic `attitude`.
 ///
-/// `*attitude` is valid until the frame is released; NULL after a failure. Only the first `sample_count` samples mean
-/// something.
+/// `*attitude` is valid until the frame is released; NULL after a failure. Only the first `sample_count`
+/// samples mean something.
 ///
 /// Fails with `NUNET_WRONG_ENCODING`, `NUNET_BAD_MESSAGE`.
 #[unsafe(no_mangle)]
@@ -228,8 +230,8 @@ pub extern "C" fn nunet_frame_release(frame: *mut FrameHandle) -> StatusCode {
     guard(|| FRAMES.remove(frame).map(drop))
 }
 
-/// Releases all frames of a set and sets its pointers to NULL. To keep a frame longer, copy its pointer and set the one in
-/// the set to NULL first. NULL is allowed.
+/// Releases all frames of a set and sets its pointers to NULL. To keep a frame longer, copy its pointer and
+/// set the one in the set to NULL first. NULL is allowed.
 ///
 /// Fails with `NUNET_CLOSED` when one of them was released before; the others are released anyway.
 #[unsafe(no_mangle)]

@@ -1,9 +1,9 @@
 //! Handles: numbers that C sees as pointers.
 //!
-//! A C program may use a reader that it has closed, close it twice, or pass a frame where a loan is wanted. Were a
-//! handle the address of its object, each of these would be undefined behavior. So it is a number that is never
-//! used again, and is looked up: an unknown number is an error. *Rejected:* addresses with a magic number in
-//! front, which read freed memory to find out that it was freed.
+//! A C program may use a reader that it has closed, close it twice, or pass a frame where a loan is wanted.
+//! Were a handle the address of its object, each of these would be undefined behavior. So it is a number that
+//! is never used again, and is looked up: an unknown number is an error. *Rejected:* addresses with a magic
+//! number in front, which read freed memory to find out that it was freed.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -92,7 +92,8 @@ impl<T> Table<T> {
     }
 }
 
-/// A lock, also after a panic in another thread: the values behind it are sound at each step, and the panic was reported.
+/// A lock, also after a panic in another thread: the values behind it are sound at each step, and the panic
+/// was reported.
 pub(crate) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

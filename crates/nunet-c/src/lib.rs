@@ -1,7 +1,7 @@
 //! `libnunet`: reading and publishing `nunetd`'s shared memory from C and C++.
 //!
-//! A thin layer around [`nunet_ipc`]: it converts handles, numbers and pointers to that crate's types, and its errors
-//! to numbers and texts. It adds only calls that wait for a frame and return it. The header
+//! A thin layer around [`nunet_ipc`]: it converts handles, numbers and pointers to that crate's types, and
+//! its errors to numbers and texts. It adds only calls that wait for a frame and return it. The header
 //! `include/nunet.h` is written from this source by `tests/header.rs`. It is the documentation for users.
 //!
 //! | module | what |

@@ -45,9 +45,10 @@ impl OpenLoan {
     }
 }
 
-/// The header of an image that is not sent yet. Size, encoding, sequence number, and what was set for the publisher
-/// are filled in; the rest is zero. It may be changed; `topic`, `payload_bytes`, `contract_version` and the times are
-/// written again by `nunet_loan_send()`. The numbers of later images continue from `sequence`.
+/// The header of an image that is not sent yet. Size, encoding, sequence number, and what was set for the
+/// publisher are filled in; the rest is zero. It may be changed; `topic`, `payload_bytes`, `contract_version`
+/// and the times are written again by `nunet_loan_send()`. The numbers of later images continue from
+/// `sequence`.
 ///
 /// `*header` is valid until the loan is sent or released; NULL after a failure.
 ///
@@ -65,8 +66,8 @@ pub extern "C" fn nunet_loan_header(
     })
 }
 
-/// The pixels of an image that is not sent yet, aligned to 64 bytes: rows from the top without padding. They still
-/// contain an earlier image.
+/// The pixels of an image that is not sent yet, aligned to 64 bytes: rows from the top without padding. They
+/// still contain an earlier image.
 ///
 /// `*bytes` is valid until the loan is sent or released; NULL after a failure. `byte_count` may be NULL.
 ///
@@ -90,12 +91,13 @@ pub extern "C" fn nunet_loan_bytes(
 
 /// Sends an image and wakes its readers. The loan is closed, also when this fails.
 ///
-/// `clock`: the `nunet_clock_t` that `capture_nanos` was read from; `NUNET_CLOCK_MONOTONIC` for V4L2's times and
-/// `nunet_monotonic_nanos()`. `capture_nanos`: the capture time, 0 or more; a reader of several topics joins frames with one
-/// `sequence` and one `capture_nanos`. `capture_unix_nanos` is computed where it was left 0; with `NUNET_CLOCK_MEDIA` it
-/// is the time of this call.
+/// `clock`: the `nunet_clock_t` that `capture_nanos` was read from; `NUNET_CLOCK_MONOTONIC` for V4L2's times
+/// and `nunet_monotonic_nanos()`. `capture_nanos`: the capture time, 0 or more; a reader of several topics
+/// joins frames with one `sequence` and one `capture_nanos`. `capture_unix_nanos` is computed where it was
+/// left 0; with `NUNET_CLOCK_MEDIA` it is the time of this call.
 ///
-/// Fails with `NUNET_CLOSED`, also when the publisher was closed before; `NUNET_SYSTEM`, `NUNET_BAD_ARGUMENT`.
+/// Fails with `NUNET_CLOSED`, also when the publisher was closed before; `NUNET_SYSTEM`,
+/// `NUNET_BAD_ARGUMENT`.
 #[unsafe(no_mangle)]
 pub extern "C" fn nunet_loan_send(loan: *mut LoanHandle, clock: u32, capture_nanos: i64) -> StatusCode {
     guard(|| {

@@ -12,7 +12,8 @@ pub extern "C" fn nunet_version() -> *const c_char {
     VERSION.as_ptr().cast()
 }
 
-/// The version of the shared-memory contract that the library implements. `NUNET_CONTRACT_VERSION` is that of the header.
+/// The version of the shared-memory contract that the library implements. `NUNET_CONTRACT_VERSION` is that of
+/// the header.
 #[unsafe(no_mangle)]
 pub extern "C" fn nunet_contract_version() -> u32 {
     CONTRACT_VERSION

@@ -14,19 +14,21 @@ use crate::handle::locked;
 use crate::loan::{LOANS, LoanHandle, OpenLoan};
 use crate::status::{Failure, StatusCode, guard};
 
-/// The publisher of a camera's topic `rgb`. Calls with one publisher run one after the other, from any threads.
+/// The publisher of a camera's topic `rgb`. Calls with one publisher run one after the other, from any
+/// threads.
 #[derive(Debug)]
 pub struct PublisherHandle;
 
-/// Becomes the publisher of a camera, whose images `nunetd --source shm:CAMERA` reads; reserves the shared memory
-/// for them.
+/// Becomes the publisher of a camera, whose images `nunetd --source shm:CAMERA` reads; reserves the shared
+/// memory for them.
 ///
 /// `encoding`: a `nunet_encoding_t` of images (rgb8, bgr8, mono8, yuyv, nv12). `width`, `height`: pixels.
-/// `max_readers`: how many may read the camera at a time; 0 for 4, and at most 64. `*publisher` is the caller's, to be
-/// closed with `nunet_publisher_close()`; NULL after a failure.
+/// `max_readers`: how many may read the camera at a time; 0 for 4, and at most 64. `*publisher` is the
+/// caller's, to be closed with `nunet_publisher_close()`; NULL after a failure.
 ///
-/// Fails with `NUNET_ALREADY_PUBLISHED` when another process publishes this camera, `NUNET_SHARED_MEMORY` when its memory
-/// does not fit, `NUNET_OTHER_LIMITS`, `NUNET_WRONG_CONTRACT_VERSION`, `NUNET_SYSTEM`, `NUNET_BAD_ARGUMENT`.
+/// Fails with `NUNET_ALREADY_PUBLISHED` when another process publishes this camera, `NUNET_SHARED_MEMORY`
+/// when its memory does not fit, `NUNET_OTHER_LIMITS`, `NUNET_WRONG_CONTRACT_VERSION`, `NUNET_SYSTEM`,
+/// `NUNET_BAD_ARGUMENT`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nunet_publisher_open(
     camera: *const c_char,
@@ -53,12 +55,12 @@ pub unsafe extern "C" fn nunet_publisher_open(
     })
 }
 
-/// Sets the camera's intrinsics, which every later image carries. They are needed for depth in meters; without this call
-/// the camera is unknown.
+/// Sets the camera's intrinsics, which every later image carries. They are needed for depth in meters;
+/// without this call the camera is unknown.
 ///
-/// `fx`, `fy`: focal lengths in pixels at the publisher's size. `cx`, `cy`: principal point in pixels; the center of
-/// the first pixel is 0. `distortion_model`: a `nunet_distortion_model_t`; `coefficients`: `coefficient_count` of its
-/// coefficients (at most 14; `NUNET_DISTORTION_MODEL_NONE` has none), copied.
+/// `fx`, `fy`: focal lengths in pixels at the publisher's size. `cx`, `cy`: principal point in pixels; the
+/// center of the first pixel is 0. `distortion_model`: a `nunet_distortion_model_t`; `coefficients`:
+/// `coefficient_count` of its coefficients (at most 14; `NUNET_DISTORTION_MODEL_NONE` has none), copied.
 ///
 /// Fails with `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
 #[unsafe(no_mangle)]
@@ -81,7 +83,8 @@ pub unsafe extern "C" fn nunet_publisher_set_camera(
     })
 }
 
-/// Sets the name of the camera's coordinate frame, which every later image carries: UTF-8, at most 64 bytes, copied.
+/// Sets the name of the camera's coordinate frame, which every later image carries: UTF-8, at most 64 bytes,
+/// copied.
 ///
 /// Fails with `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
 #[unsafe(no_mangle)]
@@ -97,11 +100,11 @@ pub unsafe extern "C" fn nunet_publisher_set_frame_id(
     })
 }
 
-/// Borrows the memory of the next image, to be filled in place: readers see the same memory, and nothing is copied.
-/// One loan may be open at a time.
+/// Borrows the memory of the next image, to be filled in place: readers see the same memory, and nothing is
+/// copied. One loan may be open at a time.
 ///
-/// `*loan` is the caller's, to be sent with `nunet_loan_send()` or given back with `nunet_loan_release()`; NULL after
-/// a failure.
+/// `*loan` is the caller's, to be sent with `nunet_loan_send()` or given back with `nunet_loan_release()`;
+/// NULL after a failure.
 ///
 /// Fails with `NUNET_TOO_MANY_LOANS`, `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
 #[unsafe(no_mangle)]
@@ -121,10 +124,11 @@ pub extern "C" fn nunet_publisher_loan(
 
 /// Publishes a copy of an image that is in other memory already; `nunet_publisher_loan()` avoids the copy.
 ///
-/// `bytes`: `byte_count` of them, exactly as many as an image of the publisher's size and encoding has without
-/// padding between rows. `clock` and `capture_nanos` as in `nunet_loan_send()`.
+/// `bytes`: `byte_count` of them, exactly as many as an image of the publisher's size and encoding has
+/// without padding between rows. `clock` and `capture_nanos` as in `nunet_loan_send()`.
 ///
-/// Fails with `NUNET_TOO_MANY_LOANS` while a loan is open, `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
+/// Fails with `NUNET_TOO_MANY_LOANS` while a loan is open, `NUNET_SYSTEM`, `NUNET_CLOSED`,
+/// `NUNET_BAD_ARGUMENT`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nunet_publisher_publish(
     publisher: *const PublisherHandle,
@@ -150,8 +154,8 @@ pub unsafe extern "C" fn nunet_publisher_publish(
     })
 }
 
-/// Whether the camera has readers: an image without readers need not be computed. A killed reader counts until some
-/// process cleans up after it. False for a publisher that is closed or NULL.
+/// Whether the camera has readers: an image without readers need not be computed. A killed reader counts
+/// until some process cleans up after it. False for a publisher that is closed or NULL.
 #[unsafe(no_mangle)]
 pub extern "C" fn nunet_publisher_has_readers(publisher: *const PublisherHandle) -> bool {
     let mut read = false;
@@ -162,8 +166,8 @@ pub extern "C" fn nunet_publisher_has_readers(publisher: *const PublisherHandle)
         && read
 }
 
-/// Sends the newest image to readers that opened since. Sending an image does the same: this is for sources that are
-/// paused; call it a few times per second.
+/// Sends the newest image to readers that opened since. Sending an image does the same: this is for sources
+/// that are paused; call it a few times per second.
 ///
 /// Fails with `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
 #[unsafe(no_mangle)]
@@ -171,8 +175,8 @@ pub extern "C" fn nunet_publisher_refresh(publisher: *const PublisherHandle) -> 
     guard(|| Ok(locked(&*PUBLISHERS.get(publisher)?).publisher.refresh()?))
 }
 
-/// Closes a publisher, so that the camera may have another one. An open loan can only be released afterwards, and keeps the
-/// camera until it is. NULL is allowed.
+/// Closes a publisher, so that the camera may have another one. An open loan can only be released afterwards,
+/// and keeps the camera until it is. NULL is allowed.
 ///
 /// Fails with `NUNET_CLOSED` when it was closed before.
 #[unsafe(no_mangle)]

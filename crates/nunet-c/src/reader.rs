@@ -19,8 +19,8 @@ pub struct ReaderHandle;
 
 static READERS: Table<Reader> = Table::new("reader");
 
-/// The longest sleep between two attempts. A late subscriber receives its first frame without a wake-up, and a reader may
-/// be closed by another thread.
+/// The longest sleep between two attempts. A late subscriber receives its first frame without a wake-up, and
+/// a reader may be closed by another thread.
 const NAP: Duration = Duration::from_millis(100);
 
 /// nunet-ipc does not sleep for less: what is left when a sleep ends by itself is less than this.
@@ -29,12 +29,12 @@ const SHORTEST_NAP: Duration = Duration::from_micros(10);
 /// Opens topics of a camera. Waits for its publisher until the timeout.
 ///
 /// `camera`: the name given to `nunetd --camera`. `topic_bits`: `NUNET_BIT_DEPTH | NUNET_BIT_LABELS | ...`.
-/// `timeout_ms`: milliseconds, or `NUNET_FOREVER`. A signal does not end this wait: a program that must react to one
-/// calls this repeatedly with a short timeout. `*reader` is the caller's, to be closed with `nunet_reader_close()`; NULL after a
-/// failure.
+/// `timeout_ms`: milliseconds, or `NUNET_FOREVER`. A signal does not end this wait: a program that must react
+/// to one calls this repeatedly with a short timeout. `*reader` is the caller's, to be closed with
+/// `nunet_reader_close()`; NULL after a failure.
 ///
-/// Fails with `NUNET_NOBODY_PUBLISHES` after the timeout, `NUNET_TOO_MANY_READERS`, `NUNET_WRONG_CONTRACT_VERSION`,
-/// `NUNET_SYSTEM`, `NUNET_BAD_ARGUMENT`.
+/// Fails with `NUNET_NOBODY_PUBLISHES` after the timeout, `NUNET_TOO_MANY_READERS`,
+/// `NUNET_WRONG_CONTRACT_VERSION`, `NUNET_SYSTEM`, `NUNET_BAD_ARGUMENT`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nunet_reader_open(
     camera: *const c_char,
@@ -52,10 +52,11 @@ pub unsafe extern "C" fn nunet_reader_open(
     })
 }
 
-/// Sleeps until there may be a new frame, or the time is over. Only a hint, for programs with their own loop: look for
-/// frames whatever it returns. `nunet_reader_next()` waits by itself.
+/// Sleeps until there may be a new frame, or the time is over. Only a hint, for programs with their own loop:
+/// look for frames whatever it returns. `nunet_reader_next()` waits by itself.
 ///
-/// `woken` (may be NULL): whether a publisher sent something, started or ended. A signal ends the sleep early.
+/// `woken` (may be NULL): whether a publisher sent something, started or ended. A signal ends the sleep
+/// early.
 ///
 /// Fails with `NUNET_CLOSED`, also when another thread closes the reader meanwhile; `NUNET_SYSTEM`,
 /// `NUNET_BAD_ARGUMENT`.
@@ -78,15 +79,16 @@ pub extern "C" fn nunet_reader_wait(
     })
 }
 
-/// The newest frame of a topic that was not returned yet. Sleeps until there is one. Older frames are skipped.
+/// The newest frame of a topic that was not returned yet. Sleeps until there is one. Older frames are
+/// skipped.
 ///
 /// `topic`: a `nunet_topic_t`. `timeout_ms`: milliseconds; 0 does not wait. `*frame` is the caller's, to be
-/// released with `nunet_frame_release()`; NULL after a failure. A reader may hold a few frames of a topic at a time,
-/// by default 2.
+/// released with `nunet_frame_release()`; NULL after a failure. A reader may hold a few frames of a topic at
+/// a time, by default 2.
 ///
 /// Fails with `NUNET_TIMEOUT`; `NUNET_INTERRUPTED` when a signal handler ran while it waited;
-/// `NUNET_TOO_MANY_FRAMES_HELD` when there is a frame but the caller holds as many as it may; `NUNET_NO_SUCH_TOPIC`,
-/// `NUNET_BAD_MESSAGE`, `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
+/// `NUNET_TOO_MANY_FRAMES_HELD` when there is a frame but the caller holds as many as it may;
+/// `NUNET_NO_SUCH_TOPIC`, `NUNET_BAD_MESSAGE`, `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
 #[unsafe(no_mangle)]
 pub extern "C" fn nunet_reader_next(
     reader: *const ReaderHandle,
@@ -104,11 +106,12 @@ pub extern "C" fn nunet_reader_next(
     })
 }
 
-/// The newest frames of all the reader's topics that belong together: all with one `sequence` and one `capture_nanos`.
-/// Waits for them as `nunet_reader_next()` does, which alone returns `stats` and `attitude`.
+/// The newest frames of all the reader's topics that belong together: all with one `sequence` and one
+/// `capture_nanos`. Waits for them as `nunet_reader_next()` does, which alone returns `stats` and `attitude`.
 ///
-/// `set->frames[NUNET_TOPIC_...]`: a frame for each such topic that was opened, NULL for the others, all NULL after a
-/// failure. They are the caller's: release each with `nunet_frame_release()`, or all with `nunet_set_release()`.
+/// `set->frames[NUNET_TOPIC_...]`: a frame for each such topic that was opened, NULL for the others, all NULL
+/// after a failure. They are the caller's: release each with `nunet_frame_release()`, or all with
+/// `nunet_set_release()`.
 ///
 /// Fails as `nunet_reader_next()` does.
 #[unsafe(no_mangle)]
@@ -129,9 +132,11 @@ pub extern "C" fn nunet_reader_next_set(
     })
 }
 
-/// The process that publishes a topic. It reads the file system, so call it when no frames arrive, not for every frame.
+/// The process that publishes a topic. It reads the file system, so call it when no frames arrive, not for
+/// every frame.
 ///
-/// `pid` (may be NULL): 0 when there is none. `alive` (may be NULL): false when there is none, or it was killed.
+/// `pid` (may be NULL): 0 when there is none. `alive` (may be NULL): false when there is none, or it was
+/// killed.
 ///
 /// Fails with `NUNET_NO_SUCH_TOPIC`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
 #[unsafe(no_mangle)]
@@ -150,9 +155,9 @@ pub extern "C" fn nunet_reader_publisher(
     })
 }
 
-/// Whether a living process publishes each of the reader's topics; as costly as `nunet_reader_publisher()`. A reader that
-/// is not connected need not be opened again: it receives the frames of the next publisher. False for a reader that is closed
-/// or NULL.
+/// Whether a living process publishes each of the reader's topics; as costly as `nunet_reader_publisher()`. A
+/// reader that is not connected need not be opened again: it receives the frames of the next publisher. False
+/// for a reader that is closed or NULL.
 #[unsafe(no_mangle)]
 pub extern "C" fn nunet_reader_is_connected(reader: *const ReaderHandle) -> bool {
     let mut connected = false;
@@ -172,8 +177,8 @@ pub extern "C" fn nunet_reader_close(reader: *mut ReaderHandle) -> StatusCode {
     guard(|| READERS.remove(reader).map(drop))
 }
 
-/// Attempts until there is a result, the time is over, or a signal arrives. The handle is looked up before each sleep, so
-/// that the wait ends when another thread closes the reader.
+/// Attempts until there is a result, the time is over, or a signal arrives. The handle is looked up before
+/// each sleep, so that the wait ends when another thread closes the reader.
 fn wait_for<T>(
     handle: *const ReaderHandle,
     timeout_ms: u32,

@@ -151,8 +151,8 @@ thread_local! {
     static LAST: RefCell<CString> = RefCell::new(CString::default());
 }
 
-/// Runs the body of an exported function: its failure becomes a status and this thread's last error, and so does a
-/// panic, which must not unwind into C.
+/// Runs the body of an exported function: its failure becomes a status and this thread's last error, and so
+/// does a panic, which must not unwind into C.
 pub(crate) fn guard(body: impl FnOnce() -> Result<(), Failure>) -> StatusCode {
     match catch_unwind(AssertUnwindSafe(body)) {
         Ok(Ok(())) => StatusCode::Ok,
@@ -171,8 +171,8 @@ fn panic_message(panic: &(dyn Any + Send)) -> String {
     text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "unknown panic".to_owned())
 }
 
-/// The error of the last failed call of this thread, usually with a last line `hint: ...`. UTF-8; empty if no call has
-/// failed yet. Successful calls do not change it.
+/// The error of the last failed call of this thread, usually with a last line `hint: ...`. UTF-8; empty if no
+/// call has failed yet. Successful calls do not change it.
 ///
 /// The string belongs to the library and is valid until the next call of this thread fails.
 #[unsafe(no_mangle)]

@@ -1,5 +1,5 @@
-//! Writes `include/nunet.h`, and fails when the file is another: the functions by cbindgen from this crate's source,
-//! structs, enumerations and their checks from the contract's tables.
+//! Writes `include/nunet.h`, and fails when the file is another: the functions by cbindgen from this crate's
+//! source, structs, enumerations and their checks from the contract's tables.
 //!
 //! `INSTA_UPDATE=always cargo test -p nunet-c --test header` writes it again.
 
@@ -91,7 +91,8 @@ fn written(root: &Path) -> String {
     String::from_utf8(text).expect("cbindgen writes UTF-8").replace("NUNET_STATUS_T_", "NUNET_")
 }
 
-/// What cbindgen cannot see because macros write it: constants, enumerations, structs, and their layout's checks.
+/// What cbindgen cannot see because macros write it: constants, enumerations, structs, and their layout's
+/// checks.
 fn tables() -> String {
     let layouts = [
         (HEADER, "header", "The header of a message, as stored in shared memory."),

@@ -98,8 +98,8 @@ impl<'a> ImageView<'a> {
         self.format
     }
 
-    /// A part of the image, without a copy; `None` for a part that is empty or not within the image, and for formats that
-    /// share color between pixels.
+    /// A part of the image, without a copy; `None` for a part that is empty or not within the image, and for
+    /// formats that share color between pixels.
     #[must_use]
     pub fn part(&self, PixelRect { x, y, width, height }: PixelRect) -> Option<Self> {
         let bytes_per_pixel = match self.format {

@@ -32,8 +32,8 @@
 //! let pixels = pipeline.size().pixel_count();
 //! let (mut depth_m, mut labels) = (vec![0.0; pixels], vec![0; pixels]);
 //! let mut cloud = vec![CloudPoint::NONE; pixels];
-//! let outputs =
-//!     Outputs { depth_m: &mut depth_m, labels: Some(&mut labels), confidence: None, cloud: Some(&mut cloud) };
+//! let (labels, cloud) = (Some(&mut labels[..]), Some(&mut cloud[..]));
+//! let outputs = Outputs { depth_m: &mut depth_m, labels, confidence: None, cloud };
 //! let report = pipeline.process(&frame, outputs, &clock)?;
 //! println!("{} of {pixels} pixels without depth", report.invalid_pixels);
 //! # Ok(())

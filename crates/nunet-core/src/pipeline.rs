@@ -114,8 +114,8 @@ impl Pipeline {
         ["preprocess"].into_iter().chain(graph).chain(after)
     }
 
-    /// Sets the factor that was measured for this camera and model; `None` if there is none. It replaces the ratio of the
-    /// focal lengths.
+    /// Sets the factor that was measured for this camera and model; `None` if there is none. It replaces the
+    /// ratio of the focal lengths.
     ///
     /// # Errors
     /// A factor out of range, or relative depth.
@@ -147,8 +147,8 @@ impl Pipeline {
         if let ScaleMode::Floor(mount) = self.options.scale { Some(mount) } else { None }
     }
 
-    /// Sets the capture time of the next frame, for the scale from the floor. Only differences count. A frame without a time
-    /// counts as 0.1 s after the one before.
+    /// Sets the capture time of the next frame, for the scale from the floor. Only differences count. A frame
+    /// without a time counts as 0.1 s after the one before.
     pub fn set_frame_nanos(&mut self, nanos: i64) {
         self.decoder.floor.iter_mut().for_each(|floor| floor.set_frame_nanos(nanos));
     }
@@ -172,16 +172,17 @@ impl Pipeline {
         &self.lens.camera
     }
 
-    /// The image of `frame`, the last one that was processed, pixel on pixel with the results before decimation:
-    /// `[H, W, 3]`, RGB, at the network's size. It is the frame itself if that has the network's size and format.
+    /// The image of `frame`, the last one that was processed, pixel on pixel with the results before
+    /// decimation: `[H, W, 3]`, RGB, at the network's size. It is the frame itself if that has the network's
+    /// size and format.
     #[must_use]
     pub fn network_image<'a>(&'a self, frame: &ImageView<'a>) -> &'a [u8] {
         self.network.appearance(frame).rgb
     }
 
-    /// The confidence of the last frame's depth, `[H, W]` at [`Pipeline::size`]: 255 = certain, 0 where depth is invalid or
-    /// was filled in by a filter. `None` if the network has no confidence, or it was written into the caller's memory
-    /// ([`Outputs::confidence`]).
+    /// The confidence of the last frame's depth, `[H, W]` at [`Pipeline::size`]: 255 = certain, 0 where depth
+    /// is invalid or was filled in by a filter. `None` if the network has no confidence, or it was written
+    /// into the caller's memory ([`Outputs::confidence`]).
     #[must_use]
     pub fn confidence(&self) -> Option<&[u8]> {
         self.confidence.values(&self.network)
@@ -211,8 +212,8 @@ impl Pipeline {
         self.options.cloud_stride
     }
 
-    /// The unit of the last depth map and its scale. It changes with the camera, and from frame to frame if it follows the
-    /// floor.
+    /// The unit of the last depth map and its scale. It changes with the camera, and from frame to frame if
+    /// it follows the floor.
     #[must_use]
     pub fn scale(&self) -> Scale {
         self.decoder.scale
@@ -224,8 +225,8 @@ impl Pipeline {
         &self.stage_names
     }
 
-    /// Whether a frame's results depend only on that frame, so that it can be processed again without an effect on later
-    /// ones.
+    /// Whether a frame's results depend only on that frame, so that it can be processed again without an
+    /// effect on later ones.
     #[must_use]
     pub fn is_stateless(&self) -> bool {
         self.network.graph.is_stateless() && self.options.filters.temporal.is_none() && self.mount().is_none()
@@ -242,15 +243,16 @@ impl Pipeline {
         self.stability.reset();
     }
 
-    /// Makes the next frame independent of all earlier ones: [`Self::reset`], and the scale from the floor is forgotten.
+    /// Makes the next frame independent of all earlier ones: [`Self::reset`], and the scale from the floor is
+    /// forgotten.
     pub fn forget(&mut self) {
         self.reset();
         self.decoder.forget_floor();
     }
 
-    /// Computes depth, labels, confidence and cloud of one frame. A recurrent network treats it as the successor of the
-    /// last frame, unless [`Self::reset`] was called; a frame that fails in the network does not change the
-    /// state.
+    /// Computes depth, labels, confidence and cloud of one frame. A recurrent network treats it as the
+    /// successor of the last frame, unless [`Self::reset`] was called; a frame that fails in the network does
+    /// not change the state.
     ///
     /// Nothing is allocated on the Rust side once the frame's size and each buffer's address have been seen.
     ///

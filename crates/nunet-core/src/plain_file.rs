@@ -7,8 +7,8 @@ use std::path::Path;
 /// How some editors begin a text in UTF-8. Most parsers refuse it.
 const BYTE_ORDER_MARK: char = '\u{feff}';
 
-/// Opens a regular file for reading its first `most` bytes; `None` for a folder, a pipe, a socket or a device, which is not
-/// opened.
+/// Opens a regular file for reading its first `most` bytes; `None` for a folder, a pipe, a socket or a
+/// device, which is not opened.
 ///
 /// # Errors
 /// As [`File::open`].

@@ -183,7 +183,8 @@ fn obstacles_allocate_nothing() {
     let options = ObstacleOptions { hold_s: 1.0, ..ObstacleOptions::default() };
     let mut detector = ObstacleDetector::new(&camera, mount, &["floor".to_owned()], options).unwrap();
     let pixels = (SIZE.width * SIZE.height) as usize;
-    // Floor in the lower half, and behind it a wall; then noise, which has more points than there is room for.
+    // Floor in the lower half, and behind it a wall; then noise, which has more points than there is room
+    // for.
     let room = |i: usize| 0.5 * 50.0 / ((i / 64) as f32 - 23.5).max(10.0);
     let noise = |i: usize| 0.3 + (i * 7919 % 1000) as f32 * 0.01;
     let images: [Vec<f32>; 2] = [(0..pixels).map(room).collect(), (0..pixels).map(noise).collect()];

@@ -63,8 +63,8 @@ fn mount_of(matrix: &[f64]) -> Mount {
 /// Pixels of a sector that make an obstacle: fewer are a corner of something in the next sector.
 const MIN_PIXELS: usize = 4;
 
-/// The distance of the `rank`-th nearest point in each sector that is higher than `lowest_m` and lower than the robot: of
-/// every pixel, by its true place, without windows and screens.
+/// The distance of the `rank`-th nearest point in each sector that is higher than `lowest_m` and lower than
+/// the robot: of every pixel, by its true place, without windows and screens.
 fn true_ranges(frame: &DriveFrame, found: &Obstacles, lowest_m: f64, rank: usize) -> Vec<f64> {
     let mut ranges = vec![vec![f64::INFINITY; rank]; found.sectors.len()];
     let rays = RayTable::new(&camera());

@@ -109,8 +109,8 @@ fn true_ranges(found: &Obstacles, sector: usize, scene: &[Block]) -> Vec<f64> {
     (0..=RAYS).map(range).collect()
 }
 
-/// The nearest obstacle that fills half of the sector: a narrower one, and the part of an oblique side that is
-/// nearer, may be less than a pixel.
+/// The nearest obstacle that fills half of the sector: a narrower one, and the part of an oblique side that
+/// is nearer, may be less than a pixel.
 fn surely_seen_m(ranges: &[f64]) -> f64 {
     let halves = ranges.windows(RAYS / 2 + 1).map(|half| half.iter().copied().fold(0.0, f64::max));
     halves.fold(f64::INFINITY, f64::min)
@@ -127,7 +127,8 @@ fn check_sectors(found: &Obstacles, scene: &[Block]) {
         if sector.state() == SectorState::Occupied {
             assert!(range_m > nearest - 0.05, "nearer than {nearest:.3} m: {context}");
         }
-        // What is nearer than the nearest visible floor may be below the image: all of it, or the front of it.
+        // What is nearer than the nearest visible floor may be below the image: all of it, or the front of
+        // it.
         let may_be_hidden = truth < f64::from(sector.seen_from_m);
         assert!(may_be_hidden || range_m < truth + 0.05, "wrongly free: {context}");
     }
@@ -393,7 +394,8 @@ fn a_tilt_that_is_not_in_the_mount_is_found_within_a_degree() {
             let mut detector = detector(mount(0.25, 0.0), ObstacleOptions::default());
             let image = DepthImage { depth_m: &depth_m, labels, confidence: None };
             let ground = detector.detect(&image, 0).unwrap().ground;
-            // Seen from a camera that is believed to be level, the floor rises where the camera really looks down.
+            // Seen from a camera that is believed to be level, the floor rises where the camera really looks
+            // down.
             let tilt = |slope: f32| f64::from(slope.atan().to_degrees());
             assert!((tilt(ground.slope_x) - pitch_deg).abs() < 0.3, "{pitch_deg} {ground:?}");
             assert!((tilt(ground.slope_y) + roll_deg).abs() < 0.5, "{roll_deg} {ground:?}");

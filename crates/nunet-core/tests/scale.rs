@@ -4,7 +4,8 @@
     reason = "helpers of tests are tests, and the figures are printed"
 )]
 
-//! The scale that the floor says, on the rendered drive of `models/drive`, whose depth, labels and poses are exact.
+//! The scale that the floor says, on the rendered drive of `models/drive`, whose depth, labels and poses are
+//! exact.
 //!
 //! `cargo test -p nunet-core --test scale -- --nocapture` prints the figures of the book's page "Scale".
 
@@ -71,7 +72,8 @@ fn pixels(folder: &Path, id: &str) -> (Vec<f32>, Vec<u8>) {
     (depth.into_iter().map(meters).collect(), labels)
 }
 
-/// The camera's real mount in a row of `poses.csv`: 3x4, row by row, with the world's z of the axes right, down and ahead.
+/// The camera's real mount in a row of `poses.csv`: 3x4, row by row, with the world's z of the axes right,
+/// down and ahead.
 fn real_mount(numbers: &str) -> Mount {
     let matrix: Vec<f64> = numbers.split(',').map(|number| number.parse().unwrap()).collect();
     let (right, down, ahead, height) = (matrix[8], matrix[9], matrix[10], matrix[11]);

@@ -1,9 +1,9 @@
-//! The clap structs of the command line, and the checked values made from them. The last module: it imports all others, and
-//! only the entry of the program imports it.
+//! The clap structs of the command line, and the checked values made from them. The last module: it imports
+//! all others, and only the entry of the program imports it.
 //!
-//! Arguments -> [`Cli`] -> (with `--config`, the file between defaults and flags) -> [`Config`](crate::config::Config) or the
-//! options of a subcommand -> that subcommand. A new flag of `run` is a field of a struct here, which makes it a key of the
-//! file as well, and a field of `config`.
+//! Arguments -> [`Cli`] -> (with `--config`, the file between defaults and flags) ->
+//! [`Config`](crate::config::Config) or the options of a subcommand -> that subcommand. A new flag of `run`
+//! is a field of a struct here, which makes it a key of the file as well, and a field of `config`.
 #![expect(missing_docs, reason = "a doc comment on a flattened group would become its help text")]
 
 use std::ffi::OsString;
@@ -56,7 +56,8 @@ pub const DEFAULT_MODEL: &str = "wnet_c.onnx";
 
 /// Turns one camera into a depth sensor
 ///
-/// nunetd runs a neural network on the images of a camera and publishes depth maps, labels and point clouds in shared memory.
+/// nunetd runs a neural network on the images of a camera and publishes depth maps, labels and point clouds
+/// in shared memory.
 ///
 /// Without a subcommand, nunetd runs the subcommand `run`: see `nunetd run --help` for its flags.
 #[derive(Debug, Parser)]

@@ -68,7 +68,8 @@ impl Hint for BadArguments {
 
 /// An error of nunetd itself, or the context of a library's error, that may carry a hint.
 ///
-/// Unlike an `anyhow` context, it stays visible in the chain of causes, so that every hint in a chain is found.
+/// Unlike an `anyhow` context, it stays visible in the chain of causes, so that every hint in a chain is
+/// found.
 #[derive(Debug, thiserror::Error)]
 #[error("{message}")]
 pub(crate) struct WithHint {
@@ -111,7 +112,8 @@ impl Hint for WithHint {
 /// One link of a chain of causes.
 type DynError = dyn StdError + 'static;
 
-/// The error types that can give hints. A library's new error type that implements [`Hint`] needs its line here.
+/// The error types that can give hints. A library's new error type that implements [`Hint`] needs its line
+/// here.
 const HINTS: &[HintOf] = &[
     hint_of::<BadArguments>,
     hint_of::<WithHint>,
@@ -140,7 +142,8 @@ pub(crate) fn in_camera(error: anyhow::Error, camera: &str, several: bool) -> an
     if several { error.context(format!("camera `{camera}` cannot begin")) } else { error }
 }
 
-/// Warns about the assumption that replaces unknown intrinsics, and about images that are cropped or stretched.
+/// Warns about the assumption that replaces unknown intrinsics, and about images that are cropped or
+/// stretched.
 pub(crate) fn warn_of_camera(CameraNews { assumption, framing }: &CameraNews) {
     if let Some(assumption) = assumption {
         let hint = "pass --intrinsics fx,fy,cx,cy or --calibration FILE.yaml";
@@ -210,7 +213,8 @@ fn is_one<E: StdError + 'static>(cause: &DynError, is_usage: fn(&E) -> bool) -> 
     cause.downcast_ref().is_some_and(is_usage)
 }
 
-/// `nunetd watch front --json | head -1` is a success. A pipe that is an output file is not: its reader has lost results.
+/// `nunetd watch front --json | head -1` is a success. A pipe that is an output file is not: its reader has
+/// lost results.
 fn is_closed_pipe(error: &anyhow::Error) -> bool {
     error.chain().any(|cause| is_one(cause, |error: &StdoutError| error.kind() == SinkErrorKind::ClosedPipe))
 }

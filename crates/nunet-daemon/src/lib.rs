@@ -22,8 +22,8 @@ use nunet_source as source;
 
 /// Runs the command line `arguments` (the program's name first) and returns its exit code.
 ///
-/// Data goes to stdout, messages to stderr. Exit codes: 0 done, 1 failure, 2 bad arguments, 3 finished but frames were
-/// lost, 130 interrupted twice.
+/// Data goes to stdout, messages to stderr. Exit codes: 0 done, 1 failure, 2 bad arguments, 3 finished but
+/// frames were lost, 130 interrupted twice.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     stream::survive_size_limits(); // not in a host program, whose signals are its own
     exit_code(arguments).into()
@@ -39,7 +39,8 @@ pub fn exit_code(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let log = cli.logging.options();
     logging::start(log);
     let code = exit::from_result(cli::dispatch(cli.subcommand), log.json);
-    // A binary flushes at its end, a host program may not. If the reader is gone, the subcommand has reported it.
+    // A binary flushes at its end, a host program may not. If the reader is gone, the subcommand has reported
+    // it.
     let _ = std::io::stdout().flush();
     code
 }

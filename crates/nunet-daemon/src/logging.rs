@@ -18,7 +18,8 @@ pub(crate) fn start(options: LogOptions) {
         (false, 1) => LevelFilter::DEBUG,
         (false, _) => LevelFilter::TRACE,
     };
-    // They log every message that arrives, every try to reach a router, an error for each client that sends nonsense.
+    // They log every message that arrives, every try to reach a router, an error for each client that sends
+    // nonsense.
     let quiet_libraries = ["dust_dds=warn", "zenoh=off", "foxglove=off"];
     let quiet_libraries = quiet_libraries.into_iter().flat_map(str::parse::<Directive>);
     let filter = EnvFilter::default().add_directive(level.into());

@@ -7,7 +7,8 @@ use nunet_engine::LibraryFile;
 /// The commit that this program was built from; see `build.rs`.
 const COMMIT: &str = env!("NUNET_COMMIT");
 
-/// Everything after the program's name. The library is loaded, because its file name need not contain its version.
+/// Everything after the program's name. The library is loaded, because its file name need not contain its
+/// version.
 pub(crate) fn long() -> String {
     let version = env!("CARGO_PKG_VERSION");
     let contract = nunet_types::CONTRACT_VERSION;

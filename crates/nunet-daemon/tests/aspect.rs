@@ -1,4 +1,5 @@
-//! `--aspect`: images of another aspect ratio than the network's, from the file to the headers and recordings.
+//! `--aspect`: images of another aspect ratio than the network's, from the file to the headers and
+//! recordings.
 
 use std::time::{Duration, Instant};
 

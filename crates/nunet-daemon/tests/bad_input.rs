@@ -125,7 +125,8 @@ fn model_whose_numbers_are_wrong_on_this_machine() {
     snapshot!(model(&bench, "wrong.onnx"));
 }
 
-/// A file that asks for more memory than the child may have is refused by name, whatever it would do to this process.
+/// A file that asks for more memory than the child may have is refused by name, whatever it would do to this
+/// process.
 #[test]
 fn model_that_asks_for_all_the_memory() {
     let bench = Bench::new();

@@ -216,7 +216,8 @@ fn what_cannot_give_a_factor_is_refused() {
 
 #[test]
 fn a_calibration_that_is_stopped_says_after_how_many_frames() {
-    /// More than the pipe and its reader hold, so that the first ones have been compared once all are written.
+    /// More than the pipe and its reader hold, so that the first ones have been compared once all are
+    /// written.
     const WRITTEN: usize = 12;
     let (bench, _) = bench_with_images();
     let (reader, mut writer) = std::io::pipe().unwrap();

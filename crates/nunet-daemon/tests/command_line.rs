@@ -1,4 +1,5 @@
-//! What the command line says of mistakes: `config` refuses what `run` refuses, and errors follow the log format.
+//! What the command line says of mistakes: `config` refuses what `run` refuses, and errors follow the log
+//! format.
 
 use std::fs::OpenOptions;
 use std::io::{BufRead as _, BufReader};

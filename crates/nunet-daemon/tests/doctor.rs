@@ -1,4 +1,5 @@
-//! `nunetd doctor --json` and `nunetd --version`. Doctor runs with a root folder of its own, apart from other cameras.
+//! `nunetd doctor --json` and `nunetd --version`. Doctor runs with a root folder of its own, apart from other
+//! cameras.
 
 use std::collections::HashSet;
 use std::path::PathBuf;

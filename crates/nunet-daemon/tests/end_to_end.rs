@@ -101,7 +101,8 @@ fn watch_follows_a_running_daemon_and_its_counts_balance() {
     assert_eq!(last["quality"], "full");
     assert!(last["depth_center_m"].as_f64().unwrap() >= 0.5, "the network's depth starts at 0.5 m");
     assert!(last["stages"].as_object().unwrap().contains_key("preprocess"));
-    // No cloud takes no microsecond; a thread that loses its processor between two looks at the clock makes one.
+    // No cloud takes no microsecond; a thread that loses its processor between two looks at the clock makes
+    // one.
     let without = seen.iter().any(|frame| frame["stages"]["cloud"] == 0);
     assert!(without, "nobody reads the cloud, so it is not computed: {last}");
     let count = |key: &str| last["frames"][key].as_u64().unwrap();
@@ -223,7 +224,8 @@ fn a_late_subscriber_gets_the_last_frame_of_a_paused_source() {
     let (front, depth) = (camera("still"), camera("still_depth"));
     let source = format!("shm:{front}");
     let _daemon = Guarded::start(nunetd(&["-q", "--model", &model, "--source", &source, "--camera", &depth]));
-    // The feeder runs until a depth map was seen, however long the daemon takes to start. Then the source is paused.
+    // The feeder runs until a depth map was seen, however long the daemon takes to start. Then the source is
+    // paused.
     let mut feeder =
         Guarded::start(nunetd(&["-q", "feed", &images, "--camera", &front, "--loop", "--rate", "20"]));
     let early = run_well(nunetd(&["watch", &depth, "--json", "--frames", "1", "--timeout", "50"]));

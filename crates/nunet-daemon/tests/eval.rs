@@ -94,7 +94,8 @@ fn obstacles_of_a_network_that_is_right_are_those_of_the_truth() {
 #[test]
 fn each_image_may_have_its_own_camera() {
     let bench = dataset(0);
-    // The network of these images was made for a camera of another focal length, so meters scale with that of each image.
+    // The network of these images was made for a camera of another focal length, so meters scale with that of
+    // each image.
     let scaled = |cameras: &[(&str, f64)]| {
         let row = |(id, fx): &(&str, f64)| format!("{id},{fx},{fx},320,240,640,480\n");
         let rows: String = cameras.iter().map(row).collect();

@@ -1,5 +1,5 @@
-//! What the daemon reads, cut off anywhere and damaged: an error with few words, never a panic. The functions are those
-//! of the fuzz targets.
+//! What the daemon reads, cut off anywhere and damaged: an error with few words, never a panic. The functions
+//! are those of the fuzz targets.
 
 #[expect(unreachable_pub, reason = "the fuzz targets are another crate")]
 #[path = "../../../fuzz/src/daemon.rs"]

@@ -9,7 +9,8 @@ use crate::support::{Bench, Guarded, SIZE, TIMEOUT, calibration, camera, nunetd}
 
 const FISHEYE: [f64; 4] = [-0.0123, 0.0034, -0.0025, 0.0004];
 
-/// At twice the size of the images, so that it is scaled. Its circle of 180 degrees is smaller than the image.
+/// At twice the size of the images, so that it is scaled. Its circle of 180 degrees is smaller than the
+/// image.
 fn fisheye() -> String {
     let camera = [340.0, 342.0, 641.0, 475.0];
     calibration((1280, 960), camera, "equidistant", &FISHEYE)
@@ -80,8 +81,8 @@ fn the_daemon_uses_the_fisheye_of_a_fed_camera_for_its_points() {
     check_points(map.depth().unwrap(), cloud.header(), cloud.points().unwrap());
 }
 
-/// Each point is projected onto its pixel by the formula of Kannala and Brandt (2006, equation 6, as OpenCV writes it), or its
-/// pixel is beyond the largest angle of a cloud's rays.
+/// Each point is projected onto its pixel by the formula of Kannala and Brandt (2006, equation 6, as OpenCV
+/// writes it), or its pixel is beyond the largest angle of a cloud's rays.
 fn check_points(depth_m: &[f32], header: &FrameHeader, points: &[nunet_ipc::CloudPoint]) {
     let [k1, k2, k3, k4] = FISHEYE;
     let distorted = |angle: f64| {

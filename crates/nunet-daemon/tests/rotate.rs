@@ -10,8 +10,8 @@ use crate::support::{Bench, Guarded, SIZE, TIMEOUT, camera, nunetd, run, run_wel
 
 const MOUNT: &str = "0.1,0,0.5,0,0.1,0";
 
-/// The camera of the upright image of 640x480 pixels, and that of the images as each turned camera stores them:
-/// an image that is rotated clockwise by the angle is upright.
+/// The camera of the upright image of 640x480 pixels, and that of the images as each turned camera stores
+/// them: an image that is rotated clockwise by the angle is upright.
 const UPRIGHT: &str = "518,520,330.5,250.25@640x480";
 const STORED: [(&str, &str); 3] = [
     ("90", "520,518,250.25,308.5@480x640"),
@@ -42,8 +42,8 @@ fn add_images(bench: &Bench) {
     }
 }
 
-/// Three upright images with true depth and labels, and the same as the three cameras store them, in a folder each.
-/// The truth is wrong on the left and at the bottom, so that a rotated error is another one.
+/// Three upright images with true depth and labels, and the same as the three cameras store them, in a folder
+/// each. The truth is wrong on the left and at the bottom, so that a rotated error is another one.
 fn add_datasets(bench: &Bench) {
     for (name, frame) in [("a", 1), ("b", 20), ("c", 40)] {
         bench.add_image("image.png", frame);

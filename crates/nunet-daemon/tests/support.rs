@@ -29,7 +29,8 @@ pub(crate) fn ipc_root() -> &'static Path {
     })
 }
 
-/// `nunetd` with the library and the models of this checkout, a cache and shared memory of its own, and no colors.
+/// `nunetd` with the library and the models of this checkout, a cache and shared memory of its own, and no
+/// colors.
 pub(crate) fn nunetd(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_nunetd"));
     command.args(arguments).stdin(Stdio::null()).env("NO_COLOR", "1");
@@ -188,7 +189,8 @@ impl Drop for Bench {
     }
 }
 
-/// A folder with a model, whose depth is 0.5 + (r + 2g + 3b) / 64 meters and whose labels are the brightest channel.
+/// A folder with a model, whose depth is 0.5 + (r + 2g + 3b) / 64 meters and whose labels are the brightest
+/// channel.
 pub(crate) struct Bench {
     folder: tempfile::TempDir,
     /// How the files of its own shared memory begin, where it has one.
@@ -250,8 +252,8 @@ impl Bench {
         depth.into_vec().unwrap()
     }
 
-    /// Saves a recording of images of one color, each with depth of one value in meters (32FC1), at these times. Without
-    /// a color there is depth only.
+    /// Saves a recording of images of one color, each with depth of one value in meters (32FC1), at these
+    /// times. Without a color there is depth only.
     pub(crate) fn add_recording(
         &self,
         name: &str,

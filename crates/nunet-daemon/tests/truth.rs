@@ -1,6 +1,6 @@
-//! A network that returns the exact depth of the demo scene: published results must equal it, bit by
-//! bit. It compares the image it gets with the one it expects, so swapped colors, a mirrored image or a shifted
-//! row turn depth into NaN.
+//! A network that returns the exact depth of the demo scene: published results must equal it, bit by bit. It
+//! compares the image it gets with the one it expects, so swapped colors, a mirrored image or a shifted row
+//! turn depth into NaN.
 
 use std::time::Instant;
 
@@ -128,7 +128,8 @@ fn published_depth_labels_and_cloud_equal_the_truth_of_the_demo_scene() {
     check_cloud(&truth, set.get(Topic::Cloud).unwrap().points().unwrap());
 }
 
-/// Each point against the pinhole formula in double precision: x = (u - cx) z / fx (Hartley and Zisserman, 6.1).
+/// Each point against the pinhole formula in double precision: x = (u - cx) z / fx (Hartley and Zisserman,
+/// 6.1).
 fn check_cloud(truth: &Truth, points: &[nunet_ipc::CloudPoint]) {
     let camera = truth.scene.intrinsics();
     assert_eq!(points.len(), PIXELS);

@@ -46,7 +46,8 @@ impl Buffers {
         self.labels.as_deref()
     }
 
-    /// Depth, labels and confidence of the last frame, which `pipeline` processed, for the detector of obstacles.
+    /// Depth, labels and confidence of the last frame, which `pipeline` processed, for the detector of
+    /// obstacles.
     #[must_use]
     pub fn depth_image<'a>(&'a self, pipeline: &'a Pipeline) -> DepthImage<'a> {
         DepthImage { depth_m: &self.depth, labels: self.labels(), confidence: pipeline.confidence() }

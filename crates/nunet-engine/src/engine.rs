@@ -44,8 +44,8 @@ pub struct Engine {
 }
 
 impl Engine {
-    /// Finds and loads the library, with its telemetry off by default ([`Telemetry`]). [`Provider::Auto`] is resolved
-    /// here, because a model must be checked with the provider that will run it.
+    /// Finds and loads the library, with its telemetry off by default ([`Telemetry`]). [`Provider::Auto`] is
+    /// resolved here, because a model must be checked with the provider that will run it.
     ///
     /// # Errors
     /// Options out of range; a library that is missing or not usable.
@@ -73,13 +73,14 @@ impl Engine {
         &self.runtime
     }
 
-    /// Finds a model by path or name, checks it in a child process if it is new on this machine, and loads it.
+    /// Finds a model by path or name, checks it in a child process if it is new on this machine, and loads
+    /// it.
     ///
     /// `every`: stages that run only each n-th frame, overriding the manifest. `cancel` ends a model check.
     ///
     /// # Errors
-    /// No such model, a file that is refused, a stage that the model does not have; [`EngineError::Stopped`] if `cancel`
-    /// became true.
+    /// No such model, a file that is refused, a stage that the model does not have; [`EngineError::Stopped`]
+    /// if `cancel` became true.
     pub fn load(
         &self,
         model: &Path,

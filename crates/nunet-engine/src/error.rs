@@ -168,7 +168,8 @@ impl EngineError {
     }
 }
 
-/// ONNX Runtime's message as it wrote it, from the first error of a chain that has one; see [`EngineError::details`].
+/// ONNX Runtime's message as it wrote it, from the first error of a chain that has one; see
+/// [`EngineError::details`].
 #[must_use]
 pub fn details_of(error: &(dyn StdError + 'static)) -> Option<String> {
     let mut chain = std::iter::successors(Some(error), |&error| error.source());
@@ -270,7 +271,8 @@ impl EngineErrorKind {
         error.downcast_ref().is_some_and(missing).then_some(Self::NotFound)
     }
 
-    /// The kind of an error with its causes: that of the innermost one that has a kind, whatever context it has.
+    /// The kind of an error with its causes: that of the innermost one that has a kind, whatever context it
+    /// has.
     #[must_use]
     pub fn of_chain(error: &(dyn StdError + 'static)) -> Option<Self> {
         let chain = std::iter::successors(Some(error), |&error| error.source());

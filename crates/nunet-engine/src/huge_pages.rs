@@ -29,7 +29,8 @@ pub(crate) fn collapse_resident() {
     debug!("{} of {} MiB", counted(moved, "huge page"), HUGE >> 20);
 }
 
-/// The addresses in a line of `maps`, if it is private memory without a file: the heap, or an anonymous mapping.
+/// The addresses in a line of `maps`, if it is private memory without a file: the heap, or an anonymous
+/// mapping.
 fn private_memory(line: &str) -> Option<Range<usize>> {
     let mut fields = line.split_ascii_whitespace();
     let (start, end) = fields.next()?.split_once('-')?;
@@ -56,7 +57,8 @@ fn is_resident(block: &usize) -> bool {
 }
 
 fn collapse(block: &usize) -> bool {
-    // SAFETY: the advice changes where bytes lie in memory, not what they are, and is refused where nothing is mapped.
+    // SAFETY: the advice changes where bytes lie in memory, not what they are, and is refused where nothing
+    // is mapped.
     unsafe { libc::madvise(*block as *mut libc::c_void, HUGE, COLLAPSE) == 0 }
 }
 

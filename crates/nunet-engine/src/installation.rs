@@ -14,7 +14,8 @@ use crate::error::EngineError;
 /// The files that came with this program.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Installation {
-    /// The command that starts `nunetd`: a program and the arguments before the subcommand. Empty if there is none.
+    /// The command that starts `nunetd`: a program and the arguments before the subcommand. Empty if there is
+    /// none.
     pub command: Vec<OsString>,
     /// Folders with bundled models.
     pub model_folders: Vec<PathBuf>,
@@ -52,8 +53,8 @@ impl Installation {
     }
 }
 
-/// The installation of this process: the described one, otherwise the files around the executable, with the `nunetd` beside
-/// it or in `PATH`.
+/// The installation of this process: the described one, otherwise the files around the executable, with the
+/// `nunetd` beside it or in `PATH`.
 pub(crate) fn installation() -> &'static Installation {
     DESCRIBED.get_or_init(|| {
         let executable = std::env::current_exe().unwrap_or_default();

@@ -109,7 +109,8 @@ fn site_packages(prefix: &Path) -> Vec<PathBuf> {
     found.map(|paths| paths.flatten().collect()).unwrap_or_default()
 }
 
-/// nunet's cache: `$XDG_CACHE_HOME/nunet`, else `~/.cache/nunet`. `None` if neither variable is an absolute path.
+/// nunet's cache: `$XDG_CACHE_HOME/nunet`, else `~/.cache/nunet`. `None` if neither variable is an absolute
+/// path.
 #[must_use]
 pub fn cache_folder() -> Option<PathBuf> {
     let absolute = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());

@@ -71,7 +71,8 @@ struct Pools {
 /// The results of one image. Their buffers are reused once they are dropped.
 #[derive(Debug)]
 pub struct Inferred {
-    /// `[H, W]` at [`Model::size`], rows from the top: meters or no unit, as `report.units` says; NaN = no measurement.
+    /// `[H, W]` at [`Model::size`], rows from the top: meters or no unit, as `report.units` says; NaN = no
+    /// measurement.
     pub depth: Pooled<f32>,
     /// `[H, W]`: class indices. `None` if the network does not segment.
     pub labels: Option<Pooled<u8>>,
@@ -90,8 +91,8 @@ pub struct Inferred {
 }
 
 impl Model {
-    /// Finds a model by path or name, checks it in a child process if it is new on this machine, loads and self-tests
-    /// it. The library is the one of `ORT_DYLIB_PATH`, else it is searched.
+    /// Finds a model by path or name, checks it in a child process if it is new on this machine, loads and
+    /// self-tests it. The library is the one of `ORT_DYLIB_PATH`, else it is searched.
     ///
     /// # Errors
     /// No such model, no library, a file that is refused, options that do not fit the network.
@@ -150,8 +151,8 @@ impl Model {
         self.pipeline.size()
     }
 
-    /// How many images were given to the network, also those at which it failed. If it is unchanged, no one else has used
-    /// the model, and its state is the one that the last image left.
+    /// How many images were given to the network, also those at which it failed. If it is unchanged, no one
+    /// else has used the model, and its state is the one that the last image left.
     #[must_use]
     pub fn runs(&self) -> u64 {
         self.runs
@@ -184,16 +185,16 @@ impl Model {
         self.pipeline.set_frame_nanos(nanos);
     }
 
-    /// A discontinuity of the stream, as in `nunetd`: a recurrent network and the temporal filter lose their state. The scale
-    /// from the floor stays.
+    /// A discontinuity of the stream, as in `nunetd`: a recurrent network and the temporal filter lose their
+    /// state. The scale from the floor stays.
     pub fn reset(&mut self) {
         self.pipeline.reset();
     }
 
     /// Processes one image, taken with `camera` at the image's size, if it is known.
     ///
-    /// With `keep_state`, a recurrent network, the temporal filter and the scale from the floor keep their state from the image
-    /// before.
+    /// With `keep_state`, a recurrent network, the temporal filter and the scale from the floor keep their
+    /// state from the image before.
     ///
     /// # Errors
     /// A camera that does not fit the image, and errors of ONNX Runtime.

@@ -1,5 +1,5 @@
-//! The model check: a model file is untrusted until it has been loaded and self-tested once in a child process with
-//! limits. ONNX Runtime has crashed and read out of bounds on hostile files.
+//! The model check: a model file is untrusted until it has been loaded and self-tested once in a child
+//! process with limits. ONNX Runtime has crashed and read out of bounds on hostile files.
 //!
 //! The parent starts `nunetd check-model` ([`check`]); the child limits itself and loads the model
 //! (`checked_load.rs`). If it refuses the model, it prints one JSON object on stdout.
@@ -52,7 +52,8 @@ pub struct Refusal {
 }
 
 impl Refusal {
-    /// The report about an error; `message`, with [`CAUSE_MARK`] before each cause, and `hint` are shown to the user.
+    /// The report about an error; `message`, with [`CAUSE_MARK`] before each cause, and `hint` are shown to
+    /// the user.
     #[must_use]
     pub fn new(kind: EngineErrorKind, message: impl Into<String>, hint: Option<String>) -> Self {
         Self { kind: kind.name().to_owned(), message: message.into(), hint, details: None }
@@ -91,11 +92,12 @@ struct ReportedCause {
     source: Option<Box<dyn Error + Send + Sync>>,
 }
 
-/// Makes sure that `model` can be loaded into this process. Returns the hashes of its files: only these were checked.
+/// Makes sure that `model` can be loaded into this process. Returns the hashes of its files: only these were
+/// checked.
 ///
 /// # Errors
-/// A path that is not a model file, what the child process reported or how it ended, and [`EngineError::Stopped`] if
-/// `cancel` became true.
+/// A path that is not a model file, what the child process reported or how it ended, and
+/// [`EngineError::Stopped`] if `cancel` became true.
 pub(crate) fn check(
     model: &Path,
     options: &EngineOptions,
@@ -188,7 +190,8 @@ fn read_output(pipe: impl std::io::Read) -> String {
     String::from_utf8_lossy(&bytes).into_owned()
 }
 
-/// Waits for the child to end. Past the limit, or if `cancel` becomes true, the child is killed; `None` past the limit.
+/// Waits for the child to end. Past the limit, or if `cancel` becomes true, the child is killed; `None` past
+/// the limit.
 fn wait(child: &mut Child, limit: Duration, cancel: &AtomicBool) -> Result<Option<ExitStatus>, EngineError> {
     let failed = || EngineError::system("cannot wait for the child process of the model check");
     let start = Instant::now();

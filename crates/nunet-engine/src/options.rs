@@ -37,8 +37,8 @@ impl EngineOptions {
         Ok(())
     }
 
-    /// Each provider with each number of threads to choose from: the values of these options, else every one of `providers`,
-    /// with 1, 2, 4 ... threads up to one per core.
+    /// Each provider with each number of threads to choose from: the values of these options, else every one
+    /// of `providers`, with 1, 2, 4 ... threads up to one per core.
     #[must_use]
     pub fn combinations(&self, providers: &[Provider]) -> Vec<(Provider, NonZeroUsize)> {
         let cores = available_parallelism().unwrap_or(NonZeroUsize::MIN);

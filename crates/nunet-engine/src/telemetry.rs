@@ -2,10 +2,10 @@
 
 //! Keeps ONNX Runtime's telemetry off unless the user turns it on.
 //!
-//! The builds on the Python package index resolve their vendor's host about ten seconds after the library is loaded,
-//! open a TLS connection, and send the executable's path, the machine's type and a hashed device ID. The session option
-//! for telemetry does not prevent this. The environment variable [`TELEMETRY_VARIABLE`] does, if it is set before the
-//! library is opened.
+//! The builds on the Python package index resolve their vendor's host about ten seconds after the library is
+//! loaded, open a TLS connection, and send the executable's path, the machine's type and a hashed device ID.
+//! The session option for telemetry does not prevent this. The environment variable [`TELEMETRY_VARIABLE`]
+//! does, if it is set before the library is opened.
 
 use std::ffi::OsStr;
 
@@ -37,14 +37,15 @@ impl Telemetry {
 
     /// Turns telemetry off for this process and its children, unless [`TELEMETRY_VARIABLE`] is 0.
     ///
-    /// `Engine::start` calls this before it opens the library. A program that starts threads before that should call it
-    /// first thing in `main`, or be started with the variable set: C code of another thread that reads the environment
-    /// at the same moment would race with the write.
+    /// `Engine::start` calls this before it opens the library. A program that starts threads before that
+    /// should call it first thing in `main`, or be started with the variable set: C code of another thread
+    /// that reads the environment at the same moment would race with the write.
     pub fn turn_off_by_default() {
         if let Some(value) = value_to_set(std::env::var_os(TELEMETRY_VARIABLE).as_deref()) {
-            // SAFETY: nunetd calls this before it starts any thread. Elsewhere Rust's own readers of the environment take
-            // the standard library's lock, so that only a C function of another thread that reads the environment at this
-            // moment could see half of the write; the documentation tells callers.
+            // SAFETY: nunetd calls this before it starts any thread. Elsewhere Rust's own readers of the
+            // environment take the standard library's lock, so that only a C function of another thread that
+            // reads the environment at this moment could see half of the write; the documentation tells
+            // callers.
             unsafe { std::env::set_var(TELEMETRY_VARIABLE, value) };
         }
     }

@@ -1,5 +1,5 @@
-//! The result of a model check, stored by the hash of everything it depends on, so that a known file starts without a
-//! child process.
+//! The result of a model check, stored by the hash of everything it depends on, so that a known file starts
+//! without a child process.
 
 use std::path::{Path, PathBuf};
 

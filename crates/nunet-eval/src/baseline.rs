@@ -68,7 +68,8 @@ impl Baseline {
         Self { of, size, everywhere, each, metric, minmax }
     }
 
-    /// The mean image of `options`; `None` if the images have none. Every image that the user named must be readable.
+    /// The mean image of `options`; `None` if the images have none. Every image that the user named must be
+    /// readable.
     pub(crate) fn new(
         options: &EvalOptions,
         dataset: &Dataset,

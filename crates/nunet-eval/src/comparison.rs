@@ -12,11 +12,12 @@ use crate::sparsification::Pixel;
 
 /// Smaller predictions would make relative errors meaningless; the usual value in the literature.
 const MIN_DEPTH_M: f32 = 1e-3;
-/// The usual cap for rooms: truth beyond it is ignored and predictions are clamped to it, as in the code of `BTS`,
-/// `AdaBins` and `ZoeDepth`.
+/// The usual cap for rooms: truth beyond it is ignored and predictions are clamped to it, as in the code of
+/// `BTS`, `AdaBins` and `ZoeDepth`.
 #[cfg(test)]
 const ROOM_CAP_M: f32 = 10.0;
-/// Replaces 0 where a logarithm is taken. Only squared errors of stretched depth are used, and they do not change.
+/// Replaces 0 where a logarithm is taken. Only squared errors of stretched depth are used, and they do not
+/// change.
 const CLIP: f32 = 1e-7;
 /// The smallest range that is stretched to 0..1.
 const LEAST_RANGE: f32 = 1e-6;
@@ -244,7 +245,8 @@ mod tests {
         comparison.add(&[50.0, 0.0, f32::NAN], &[9.0, 1.0, 1.0], SIZE).unwrap();
         comparison.add(&[2.0, 2.0, 2.0], &[12.0, 10.0, 1e-3], SIZE).unwrap();
         let scores = comparison.depth.scores().unwrap();
-        // 50 m are taken for 10 m where there are 9, and 0 m for a millimeter where there is 1 m; no other pixel counts.
+        // 50 m are taken for 10 m where there are 9, and 0 m for a millimeter where there is 1 m; no other
+        // pixel counts.
         assert!((scores.mse - (1.0 + 0.999 * 0.999) / 2.0).abs() < 1e-6, "{scores:?}");
         assert_eq!((comparison.depth.pixels, comparison.depth.missing), (2, 1));
         assert_eq!((comparison.beyond, comparison.share_beyond()), (3, 0.5));

@@ -52,7 +52,8 @@ impl Evaluator {
     /// Measures every image. Images that cannot be measured are reported to `on_event` and counted.
     ///
     /// # Errors
-    /// The dataset or the baseline cannot be used, no image could be measured, or there is no true depth to compare with.
+    /// The dataset or the baseline cannot be used, no image could be measured, or there is no true depth to
+    /// compare with.
     pub fn run(
         self,
         pipeline: Pipeline,
@@ -279,8 +280,8 @@ impl Evaluation {
         Ok(write_rgb(&sheet, self.contact_sheet()?)?)
     }
 
-    /// Predicts the chosen nine images once more, because all results would not fit into memory. In a clip, the images
-    /// before them are predicted too.
+    /// Predicts the chosen nine images once more, because all results would not fit into memory. In a clip,
+    /// the images before them are predicted too.
     fn contact_sheet(&mut self) -> Result<RgbImage, EvalError> {
         let errors: Vec<f64> = self.rows.iter().map(ImageRow::error).collect();
         let chosen = chosen(&errors);

@@ -26,7 +26,8 @@ pub enum Event<'a> {
         /// What can be done about it.
         hint: Option<&'a str>,
     },
-    /// That many images were skipped for the same reason. Only the first one was reported as [`Event::Skipped`].
+    /// That many images were skipped for the same reason. Only the first one was reported as
+    /// [`Event::Skipped`].
     SkippedAlike {
         /// The number of images.
         count: u64,

@@ -33,8 +33,8 @@ impl Fit {
 
     /// `[H, W]` depth of the results at the image's size, NaN outside the view.
     ///
-    /// The crate `image` takes 0 to 1 as the range of `f32` and clamps to it, which would end depth at a meter: numbers
-    /// are brought there and back.
+    /// The crate `image` takes 0 to 1 as the range of `f32` and clamps to it, which would end depth at a
+    /// meter: numbers are brought there and back.
     pub(crate) fn depth(&self, depth: &[f32]) -> Vec<f32> {
         self.in_image(self.depth_of_view(depth), f32::NAN)
     }

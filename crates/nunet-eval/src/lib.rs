@@ -1,9 +1,9 @@
-//! The evaluator: compares results of the production pipeline with true depth and labels. The mean image is the
-//! baseline.
+//! The evaluator: compares results of the production pipeline with true depth and labels. The mean image is
+//! the baseline.
 //!
-//! [`EvalOptions`] says what is measured, [`Evaluator::new`] checks it, [`Evaluator::run`] measures every image, and
-//! [`Evaluation`] gives the [`Report`] and writes files. The library prints nothing: progress and problems are [`Event`]s.
-//! `nunetd eval` makes these calls and prints their results.
+//! [`EvalOptions`] says what is measured, [`Evaluator::new`] checks it, [`Evaluator::run`] measures every
+//! image, and [`Evaluation`] gives the [`Report`] and writes files. The library prints nothing: progress and
+//! problems are [`Event`]s. `nunetd eval` makes these calls and prints their results.
 //!
 //! | module | what it does |
 //! |---|---|

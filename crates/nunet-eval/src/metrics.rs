@@ -1,6 +1,7 @@
 //! Metrics of depth and of labels over all pixels of all images, and those of depth as the mean over images.
 //!
-//! Published tables use either: `FastDepth`, `BTS` and `AdaBins` average over images, which gives a smaller RMSE.
+//! Published tables use either: `FastDepth`, `BTS` and `AdaBins` average over images, which gives a smaller
+//! RMSE.
 
 use serde::Serialize;
 

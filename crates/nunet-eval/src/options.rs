@@ -10,8 +10,9 @@ use crate::obstacles::ObstacleEval;
 /// What is measured, and how.
 #[derive(Debug, Clone)]
 pub struct EvalOptions {
-    /// A recording (a file or the folder of a bag) with images and depth, or a folder with `rgb/ID.jpg` or `.png`,
-    /// `depth/ID.png` (integers) or `.npy` (float32, meters) and, for labels, `labels/ID.png` or `label40/ID.png`.
+    /// A recording (a file or the folder of a bag) with images and depth, or a folder with `rgb/ID.jpg` or
+    /// `.png`, `depth/ID.png` (integers) or `.npy` (float32, meters) and, for labels, `labels/ID.png` or
+    /// `label40/ID.png`.
     pub dataset: PathBuf,
     /// The topic with images, if a recording has several.
     pub topic: Option<String>,
@@ -72,7 +73,8 @@ impl EvalOptions {
 /// Where the mean image comes from.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub enum BaselineChoice {
-    /// For each image the mean of the other scenes, if ids name scenes; otherwise the mean of the measured images.
+    /// For each image the mean of the other scenes, if ids name scenes; otherwise the mean of the measured
+    /// images.
     #[default]
     Automatic,
     /// The mean of the images whose ids are in this file.
@@ -81,8 +83,8 @@ pub enum BaselineChoice {
     File(PathBuf),
 }
 
-/// What the integers of a depth image mean: meters = (value + offset) * scale. 65535 is no measurement, and neither is 0
-/// without an offset. Depth in floating point is in meters, so that a unit for it is an error.
+/// What the integers of a depth image mean: meters = (value + offset) * scale. 65535 is no measurement, and
+/// neither is 0 without an offset. Depth in floating point is in meters, so that a unit for it is an error.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct DepthUnits {
     /// Meters per unit; `None` for millimeters in 16-bit images.

@@ -213,8 +213,8 @@ impl Report {
         text
     }
 
-    /// Whether the mean image is that of the measured images themselves: a network cannot be that good on images that it
-    /// has not seen.
+    /// Whether the mean image is that of the measured images themselves: a network cannot be that good on
+    /// images that it has not seen.
     #[must_use]
     pub fn baseline_has_seen_the_images(&self) -> bool {
         self.baseline.as_ref().is_some_and(|baseline| baseline.of == BaselineSource::Measured)
@@ -272,7 +272,8 @@ impl ImageRow {
     }
 }
 
-/// Where the scale of all images comes from: `mixed` if it differs, because only some have a camera or show enough floor.
+/// Where the scale of all images comes from: `mixed` if it differs, because only some have a camera or show
+/// enough floor.
 pub(crate) fn scale_source(rows: &[ImageRow]) -> &'static str {
     let mut sources = rows.iter().map(|row| row.scale_source);
     match sources.next() {

@@ -9,7 +9,8 @@ use crate::comparison::stretched;
 
 /// Width of one image on the sheet.
 const CELL_WIDTH: u32 = 320;
-/// The largest height of one image. A taller one is squeezed, because all rows of the sheet are in memory at once.
+/// The largest height of one image. A taller one is squeezed, because all rows of the sheet are in memory at
+/// once.
 const MAX_CELL_HEIGHT: u32 = 4 * CELL_WIDTH;
 const GAP: u32 = 6;
 const CAPTION_HEIGHT: u32 = 18;

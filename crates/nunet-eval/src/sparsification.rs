@@ -1,9 +1,9 @@
 //! Sparsification: the error of the pixels that the network's confidence ranks highest, per image.
 //!
-//! A useful confidence puts the wrong pixels last, so that the error falls as fewer pixels are kept. The oracle ranks
-//! pixels by their true error, which no confidence can beat. In a random order, each share of the pixels has the error of
-//! all of them. (Ilg et al., "Uncertainty estimates and multi-hypotheses networks for optical flow", 2018.) The recipe's
-//! `evaluate` computes the same.
+//! A useful confidence puts the wrong pixels last, so that the error falls as fewer pixels are kept. The
+//! oracle ranks pixels by their true error, which no confidence can beat. In a random order, each share of
+//! the pixels has the error of all of them. (Ilg et al., "Uncertainty estimates and multi-hypotheses networks
+//! for optical flow", 2018.) The recipe's `evaluate` computes the same.
 
 use serde::Serialize;
 
@@ -38,7 +38,8 @@ pub(crate) struct SparsificationScores {
     /// Errors as they are.
     #[serde(flatten)]
     pub(crate) curve: Curve,
-    /// Errors after each image's depth was scaled to the right median: the error of scale is that of the image.
+    /// Errors after each image's depth was scaled to the right median: the error of scale is that of the
+    /// image.
     pub(crate) median_fit: Curve,
 }
 
@@ -80,8 +81,8 @@ impl Sparsification {
 }
 
 impl Curve {
-    /// The curve of one image, of errors with their confidence. Pixels of equal confidence count as if their order was
-    /// random.
+    /// The curve of one image, of errors with their confidence. Pixels of equal confidence count as if their
+    /// order was random.
     fn of(mut errors: Vec<(f64, u8)>) -> Self {
         let mut levels = [(0_usize, 0.0); 256];
         for &(error, confidence) in &errors {

@@ -26,7 +26,8 @@ const PAPER: Rgb<u8> = Rgb([255, 255, 255]);
 /// Share of points beyond each end of the scale, so that a few outliers do not take all colors.
 const OUTLIERS: f64 = 0.01;
 
-/// Depth in colors (near is red, far is blue, no measurement is gray) with a scale, `SCALE_WIDTH` wider than the depth map.
+/// Depth in colors (near is red, far is blue, no measurement is gray) with a scale, `SCALE_WIDTH` wider than
+/// the depth map.
 #[must_use]
 pub fn depth_image(results: &ResultArrays<'_>) -> RgbImage {
     let ImageSize { width, height } = results.size;
@@ -37,8 +38,8 @@ pub fn depth_image(results: &ResultArrays<'_>) -> RgbImage {
     image
 }
 
-/// Numbers in colors, from red for `near` to blue for `far`; no measurement is gray. Pixels that `depth` lacks are gray as
-/// well.
+/// Numbers in colors, from red for `near` to blue for `far`; no measurement is gray. Pixels that `depth`
+/// lacks are gray as well.
 #[must_use]
 pub fn colorize(depth: &[f32], size: ImageSize, (near, far): (f32, f32)) -> RgbImage {
     let gradient = colorgrad::preset::turbo();
@@ -55,8 +56,8 @@ fn color_of(gradient: &impl Gradient, depth: f32, near: f32, far: f32) -> Rgb<u8
     Rgb([r, g, b])
 }
 
-/// The depths of the reddest and of the bluest color. One that is not given is the first or last percentile of the map; a
-/// map without depth gets an arbitrary range.
+/// The depths of the reddest and of the bluest color. One that is not given is the first or last percentile
+/// of the map; a map without depth gets an arbitrary range.
 #[must_use]
 pub fn color_range(depth: &[f32], near: Option<f32>, far: Option<f32>) -> (f32, f32) {
     if let (Some(near), Some(far)) = (near, far) {

@@ -11,7 +11,8 @@ use serde::Serialize;
 use crate::error::FilesError;
 use crate::whole::write_result;
 
-/// Checks before a long run that a file can be written at its end. A file that did not exist does not exist afterwards.
+/// Checks before a long run that a file can be written at its end. A file that did not exist does not exist
+/// afterwards.
 ///
 /// # Errors
 /// Its folder is missing, it is a named pipe, or it cannot be opened for writing.
@@ -44,8 +45,8 @@ fn missing_folder(path: &Path) -> Option<&Path> {
     folder.filter(|folder| !folder.as_os_str().is_empty() && missing(folder))
 }
 
-/// The reader of a named pipe would see its end when the check closes it. An unnamed pipe, which `/dev/stdout` may be,
-/// stays open in the parent process.
+/// The reader of a named pipe would see its end when the check closes it. An unnamed pipe, which
+/// `/dev/stdout` may be, stays open in the parent process.
 fn is_named_pipe(path: &Path) -> bool {
     path.metadata().is_ok_and(|found| found.file_type().is_fifo()) && path.canonicalize().is_ok()
 }

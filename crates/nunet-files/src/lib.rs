@@ -10,8 +10,8 @@
 //! | `cloud.ply` | the points that have a position | [`write_cloud`] |
 //! | `obstacles.png` | obstacles from above | [`BirdsEye`] |
 //!
-//! `nunetd infer`, `nunetd --out`, `nunetd eval` and the Python package write their files with it. A new file format gets a
-//! module here and a line in [`write_results`].
+//! `nunetd infer`, `nunetd --out`, `nunetd eval` and the Python package write their files with it. A new file
+//! format gets a module here and a line in [`write_results`].
 //!
 //! # Example: the results of one frame
 //! ```

@@ -28,9 +28,9 @@ const RING: Rgb<u8> = Rgb([90, 90, 90]);
 pub struct BirdsEye<'a>(pub ObstacleMap<'a>);
 
 impl BirdsEye<'_> {
-    /// The robot's surroundings from above: forward is up, left is left, the robot is in the middle of the lower edge (of
-    /// the image, if it sees behind itself). Green is free, gray unknown, red an obstacle, orange a drop, purple remembered.
-    /// A ring is one meter.
+    /// The robot's surroundings from above: forward is up, left is left, the robot is in the middle of the
+    /// lower edge (of the image, if it sees behind itself). Green is free, gray unknown, red an obstacle,
+    /// orange a drop, purple remembered. A ring is one meter.
     #[must_use]
     pub fn draw(&self) -> RgbImage {
         let radius = (self.0.max_range_m * PX_PER_M).round().clamp(1.0, 4000.0) as u32;
@@ -55,8 +55,8 @@ impl BirdsEye<'_> {
         image
     }
 
-    /// The same as text for a terminal, [`BIRDS_EYE_ROWS`] lines. A cell is twice as high as wide; only the field of view is
-    /// shown. [`BIRDS_EYE_LEGEND`] explains the characters.
+    /// The same as text for a terminal, [`BIRDS_EYE_ROWS`] lines. A cell is twice as high as wide; only the
+    /// field of view is shown. [`BIRDS_EYE_LEGEND`] explains the characters.
     #[must_use]
     pub fn text(&self) -> String {
         let cell_m = self.0.max_range_m / BIRDS_EYE_ROWS as f32;
@@ -145,8 +145,8 @@ impl MapCell {
     }
 }
 
-/// Draws points of obstacles into an image: red near, yellow at `max_range_m`. Each is its column, its row, and its
-/// distance in meters.
+/// Draws points of obstacles into an image: red near, yellow at `max_range_m`. Each is its column, its row,
+/// and its distance in meters.
 pub fn draw_obstacle_points(
     image: &mut RgbImage,
     points: impl IntoIterator<Item = ([f64; 2], f32)>,

@@ -8,7 +8,8 @@ use nunet_types::ImageSize;
 use crate::error::{Cause, FilesError};
 use crate::whole::write_png;
 
-/// Writes 16-bit millimeters, 0 = no measurement. Depth beyond 65.535 m does not fit and counts as no measurement.
+/// Writes 16-bit millimeters, 0 = no measurement. Depth beyond 65.535 m does not fit and counts as no
+/// measurement.
 ///
 /// # Errors
 /// The file cannot be written, or `depth_m` has another number of pixels than `size`.

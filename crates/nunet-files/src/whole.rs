@@ -8,8 +8,9 @@ use image::{DynamicImage, ImageFormat};
 
 use crate::error::{Cause, FilesError};
 
-/// Writes a file under a temporary name beside it, and renames it when it is complete: a full disk, an error or a power
-/// loss leaves neither half a file nor a changed one. Waits for the disk. An existing device or pipe is written directly.
+/// Writes a file under a temporary name beside it, and renames it when it is complete: a full disk, an error
+/// or a power loss leaves neither half a file nor a changed one. Waits for the disk. An existing device or
+/// pipe is written directly.
 ///
 /// # Errors
 /// The file cannot be written, or `write` fails.
@@ -20,8 +21,8 @@ pub fn write_whole(
     place(path, write, File::sync_all).map_err(FilesError::write_file(path))
 }
 
-/// Writes a file of results, as [`write_whole`] does, but does not wait for the disk, because there may be several for each
-/// frame. After a power loss, those of the last seconds may be incomplete.
+/// Writes a file of results, as [`write_whole`] does, but does not wait for the disk, because there may be
+/// several for each frame. After a power loss, those of the last seconds may be incomplete.
 pub(crate) fn write_result(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> Result<(), Cause>,

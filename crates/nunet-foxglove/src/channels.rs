@@ -27,8 +27,8 @@ impl Channels {
         Self { context, kept, publishers: AtomicU64::new(0), server }
     }
 
-    /// Adds a channel, on the server's thread. The library announces a channel to clients before it knows it itself: on
-    /// another thread, a client that subscribes at once would be refused.
+    /// Adds a channel, on the server's thread. The library announces a channel to clients before it knows it
+    /// itself: on another thread, a client that subscribes at once would be refused.
     fn add(&self, channel: ChannelBuilder) -> Result<Arc<RawChannel>, String> {
         let (sender, added) = std::sync::mpsc::sync_channel(1);
         self.server.spawn(async move { sender.send(channel.build_raw()) });
@@ -86,7 +86,8 @@ impl MessagePublisher for ChannelPublisher {
         usize::from(self.channel.has_sinks())
     }
 
-    /// The library queues the message for each client. If the queue of a client is full, its oldest message is dropped.
+    /// The library queues the message for each client. If the queue of a client is full, its oldest message
+    /// is dropped.
     fn send(&self, message: &[u8]) -> bool {
         if let Some(kept) = &self.kept {
             kept.put(&self.channel, self.number, message);

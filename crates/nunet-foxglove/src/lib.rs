@@ -7,8 +7,8 @@
 //! | `kept` | messages for clients that subscribe later, such as transforms |
 //! | `parameters` | what clients can read beside messages: rate, scale |
 //!
-//! Frames are copied and encoded by `nunet-ros2`, on a thread of its own and only for topics that a client has
-//! subscribed to. Foxglove is a network of that crate, like DDS and Zenoh.
+//! Frames are copied and encoded by `nunet-ros2`, on a thread of its own and only for topics that a client
+//! has subscribed to. Foxglove is a network of that crate, like DDS and Zenoh.
 
 #[cfg(not(feature = "server"))]
 mod absent;
@@ -37,7 +37,8 @@ pub use server::FoxgloveServer;
 pub struct FoxgloveConfig {
     /// The address.
     pub address: SocketAddr,
-    /// Whether other machines may reach it. Foxglove sends no password, so everyone who reaches it sees all images.
+    /// Whether other machines may reach it. Foxglove sends no password, so everyone who reaches it sees all
+    /// images.
     pub is_public: bool,
 }
 

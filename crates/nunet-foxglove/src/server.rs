@@ -34,8 +34,8 @@ pub struct FoxgloveServer {
 impl FoxgloveServer {
     /// Listens; port 0 takes a free one.
     ///
-    /// Up to one frame of `cameras` waits for each client. A shorter queue would lose the first messages of each frame,
-    /// because a frame is sent at once; a longer one would only add latency.
+    /// Up to one frame of `cameras` waits for each client. A shorter queue would lose the first messages of
+    /// each frame, because a frame is sent at once; a longer one would only add latency.
     ///
     /// # Errors
     /// The address cannot be used, or other machines can reach it and may not.

@@ -1,12 +1,12 @@
 //! Which other users may read.
 //!
-//! iceoryx2 creates its files for one user only; its option for more users opens them to every user, for writing too. Here
-//! the files are given to a group after they were created: payload may be read, and the bookkeeping of readers and
-//! publishers may also be written. A process that arrives in between waits, because iceoryx2 treats a file that it cannot
-//! open yet as one that is not finished.
+//! iceoryx2 creates its files for one user only; its option for more users opens them to every user, for
+//! writing too. Here the files are given to a group after they were created: payload may be read, and the
+//! bookkeeping of readers and publishers may also be written. A process that arrives in between waits,
+//! because iceoryx2 treats a file that it cannot open yet as one that is not finished.
 //!
-//! A publisher shares with the group of [`share_with`]. A reader follows: if iceoryx2's folder belongs to a group, it gives
-//! its own files to that group, because the publisher must write them.
+//! A publisher shares with the group of [`share_with`]. A reader follows: if iceoryx2's folder belongs to a
+//! group, it gives its own files to that group, because the publisher must write them.
 
 use std::fs::{DirBuilder, File, Metadata, Permissions, metadata, read_dir, read_to_string, set_permissions};
 use std::io;
@@ -66,8 +66,8 @@ impl Access {
     /// Sets the mode of payload: 0640, or 0660 to let the group write it as well.
     ///
     /// # Errors
-    /// [`IpcError::AccessMode`] for any other mode. Other users cannot get read access alone: a reader must write the
-    /// bookkeeping.
+    /// [`IpcError::AccessMode`] for any other mode. Other users cannot get read access alone: a reader must
+    /// write the bookkeeping.
     pub fn with_mode(self, mode: u32) -> Result<Self, IpcError> {
         match mode {
             0o640 | 0o660 => Ok(Self { payload_mode: Some(mode), ..self }),
@@ -82,11 +82,12 @@ impl Access {
         is_shared.then(|| Self { gid: folder.gid(), payload_mode: None })
     }
 
-    /// The mode that a file of this name and mode must get; `None` for files that are not finished or do not change.
+    /// The mode that a file of this name and mode must get; `None` for files that are not finished or do not
+    /// change.
     ///
-    /// The files that show whether a process lives are not shared. A process that could see that another user's process is
-    /// dead would try to clean up after it. The sticky bit of `/dev/shm` would stop it halfway, and leave a service that
-    /// neither works nor can be repaired.
+    /// The files that show whether a process lives are not shared. A process that could see that another
+    /// user's process is dead would try to clean up after it. The sticky bit of `/dev/shm` would stop it
+    /// halfway, and leave a service that neither works nor can be repaired.
     fn mode_of(self, name: &str, mode: u32) -> Option<u32> {
         let (_, kind) = name.rsplit_once('.')?;
         let is_filled = mode & OWNER_MAY_READ != 0;
@@ -109,7 +110,8 @@ impl Access {
         }
     }
 
-    /// Uses a descriptor that follows no link: other users can write to the folder and could replace the name.
+    /// Uses a descriptor that follows no link: other users can write to the folder and could replace the
+    /// name.
     fn try_give(self, path: &Path) -> io::Result<()> {
         let flags = OFlags::PATH | OFlags::NOFOLLOW | OFlags::CLOEXEC;
         let file = File::from(rustix::fs::open(path, flags, Mode::empty())?);
@@ -133,7 +135,8 @@ impl Access {
         Ok(())
     }
 
-    /// Creates iceoryx2's folders and opens them to the group. Those of another user must have been opened by that user.
+    /// Creates iceoryx2's folders and opens them to the group. Those of another user must have been opened by
+    /// that user.
     fn open_folders(self) -> Result<(), IpcError> {
         for folder in folders() {
             let made = DirBuilder::new().mode(OWNER_ALL).create(&folder);
@@ -167,8 +170,8 @@ impl Access {
     }
 }
 
-/// Lets a group read what this process publishes from now on. Call it before the first publisher or reader; a second call
-/// changes nothing.
+/// Lets a group read what this process publishes from now on. Call it before the first publisher or reader; a
+/// second call changes nothing.
 ///
 /// # Errors
 /// [`IpcError::Access`] where this user may not give files to that group, [`IpcError::FolderOfOthers`].
@@ -193,8 +196,8 @@ pub fn check_folder() -> Result<String, IpcError> {
     })
 }
 
-/// Checks that this user may use iceoryx2's folder, if it is there. For a loop that waits: it makes one system call, unless
-/// there is something to report.
+/// Checks that this user may use iceoryx2's folder, if it is there. For a loop that waits: it makes one
+/// system call, unless there is something to report.
 ///
 /// # Errors
 /// Those of [`usable_folder`].
@@ -269,8 +272,8 @@ pub fn check_files() -> Result<String, IpcError> {
     Ok(format!("{segments} of payload, read by {}, written by {}", users(readers), users(writers)))
 }
 
-/// Gives the files that a publisher has created so far to the group of [`share_with`]: those with the process id in one of
-/// their ids, and those of its services, which may be older than the process.
+/// Gives the files that a publisher has created so far to the group of [`share_with`]: those with the process
+/// id in one of their ids, and those of its services, which may be older than the process.
 pub(crate) fn share_published(services: &[u128], records: &[PathBuf]) -> Result<(), IpcError> {
     let Some(&access) = SHARED.get() else { return Ok(()) };
     access.give_own(services)?;

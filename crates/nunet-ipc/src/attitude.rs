@@ -22,7 +22,8 @@ const MAX_DISTANCE_NANOS: u64 = 100_000_000;
 /// An angle beyond a turn is in degrees, not in radians.
 const MAX_ANGLE_RAD: f32 = std::f32::consts::TAU;
 
-/// Publishes the attitude of the robot's base for a camera. Wakes no reader: the daemon reads it when a frame arrives.
+/// Publishes the attitude of the robot's base for a camera. Wakes no reader: the daemon reads it when a frame
+/// arrives.
 ///
 /// # Example: an inertial sensor
 /// ```
@@ -59,11 +60,12 @@ impl AttitudePublisher {
         Ok(Self { publisher, record: Box::default(), clock, sequence: 0 })
     }
 
-    /// Publishes a sample: when it was measured, and rotation about x (forward) and y (left), radians (REP 103).
+    /// Publishes a sample: when it was measured, and rotation about x (forward) and y (left), radians (REP
+    /// 103).
     ///
     /// # Errors
-    /// [`IpcError::CaptureTime`] for a negative time, [`IpcError::Attitude`] for an angle that is not a number of -2π to 2π,
-    /// [`IpcError::Iceoryx`].
+    /// [`IpcError::CaptureTime`] for a negative time, [`IpcError::Attitude`] for an angle that is not a
+    /// number of -2π to 2π, [`IpcError::Iceoryx`].
     pub fn publish(&mut self, capture_nanos: i64, roll_rad: f32, pitch_rad: f32) -> Result<(), IpcError> {
         let sample = AttitudeSample { capture_nanos, roll_rad, pitch_rad };
         check_capture_time(Topic::Attitude, capture_nanos)?;
@@ -137,8 +139,8 @@ impl AttitudeReader {
         Self { camera: camera.clone(), reader: None, newest: None, looked: None }
     }
 
-    /// The sample nearest to the capture time of a frame: nanoseconds of `clock`, and nanoseconds since 1970 (0 if unknown),
-    /// which count if the publisher uses another clock.
+    /// The sample nearest to the capture time of a frame: nanoseconds of `clock`, and nanoseconds since 1970
+    /// (0 if unknown), which count if the publisher uses another clock.
     ///
     /// # Errors
     /// Why there is none within 0.1 s.

@@ -11,11 +11,12 @@ use crate::name::CameraName;
 use crate::recovery;
 use crate::service::{open_topic, publisher_of};
 
-/// The cameras whose `topic` a living process publishes, sorted by name. Cameras of users who do not share memory with this
-/// one are not listed.
+/// The cameras whose `topic` a living process publishes, sorted by name. Cameras of users who do not share
+/// memory with this one are not listed.
 ///
 /// # Errors
-/// [`IpcError::CannotJoin`], [`IpcError::NoAccess`], [`IpcError::Iceoryx`] when iceoryx2's folder cannot be read.
+/// [`IpcError::CannotJoin`], [`IpcError::NoAccess`], [`IpcError::Iceoryx`] when iceoryx2's folder cannot be
+/// read.
 pub fn list(topic: Topic) -> Result<Vec<CameraName>, IpcError> {
     check_root()?;
     // As a reader, it must not create the folder: it would belong to the reader's user.
@@ -32,7 +33,8 @@ pub fn list(topic: Topic) -> Result<Vec<CameraName>, IpcError> {
     if cameras.is_empty() {
         return Ok(cameras);
     }
-    // Readers keep a service open after its publisher ended, so each service is opened to look for its publisher.
+    // Readers keep a service open after its publisher ended, so each service is opened to look for its
+    // publisher.
     let node = recovery::create_node()?;
     cameras.retain(|camera| {
         let service = open_topic(&node, camera, topic).ok().flatten();

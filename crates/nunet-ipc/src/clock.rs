@@ -1,4 +1,5 @@
-//! The clocks that processes share: monotonic for durations and ages, unix for stamps that other machines read.
+//! The clocks that processes share: monotonic for durations and ages, unix for stamps that other machines
+//! read.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 

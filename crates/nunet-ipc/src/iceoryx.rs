@@ -41,14 +41,15 @@ struct IpcRootError {
     reason: &'static str,
 }
 
-/// Uses `root` instead of `/tmp/iceoryx2` for the files of this process, and a prefix of its own in `/dev/shm`. Publishers
-/// and readers see each other only if they use the same root.
+/// Uses `root` instead of `/tmp/iceoryx2` for the files of this process, and a prefix of its own in
+/// `/dev/shm`. Publishers and readers see each other only if they use the same root.
 ///
-/// Call it before anything else of this crate. Without it, the variable [`ROOT_VARIABLE`] decides, and where that is not
-/// set, iceoryx2's own configuration. The folder is created when it is needed.
+/// Call it before anything else of this crate. Without it, the variable [`ROOT_VARIABLE`] decides, and where
+/// that is not set, iceoryx2's own configuration. The folder is created when it is needed.
 ///
 /// # Errors
-/// [`IpcError::Root`] for a path that is not absolute or longer than 40 bytes, and when another root is in use already.
+/// [`IpcError::Root`] for a path that is not absolute or longer than 40 bytes, and when another root is in
+/// use already.
 pub fn use_root(root: &Path) -> Result<(), IpcError> {
     let root = &one_spelling(root);
     let requested = ROOT.get_or_init(|| root.clone());
@@ -85,8 +86,9 @@ fn configured() -> &'static Result<Config, IpcRootError> {
     })
 }
 
-/// One spelling for `/x/ipc`, `/x/ipc/`, `//x/ipc`, `/x/./ipc` and `/x/y/../ipc`: processes that spell the root differently
-/// would not see each other. Links are not followed, because a short link may stand for a path that is too long.
+/// One spelling for `/x/ipc`, `/x/ipc/`, `//x/ipc`, `/x/./ipc` and `/x/y/../ipc`: processes that spell the
+/// root differently would not see each other. Links are not followed, because a short link may stand for a
+/// path that is too long.
 fn one_spelling(root: &Path) -> PathBuf {
     let mut spelled = PathBuf::new();
     for component in root.components() {
@@ -122,7 +124,8 @@ fn hash(bytes: &[u8]) -> u32 {
     bytes.iter().fold(0x811c_9dc5, |hash, byte| (hash ^ u32::from(*byte)).wrapping_mul(0x0100_0193))
 }
 
-/// The folder of iceoryx2's files that are not memory: `/tmp/iceoryx2`, unless [`use_root`] or [`ROOT_VARIABLE`] changed it.
+/// The folder of iceoryx2's files that are not memory: `/tmp/iceoryx2`, unless [`use_root`] or
+/// [`ROOT_VARIABLE`] changed it.
 #[must_use]
 pub fn root() -> PathBuf {
     PathBuf::from(config().global.root_path().to_string())
@@ -161,7 +164,8 @@ pub(crate) fn record_of(name: &str, pattern: MessagingPattern) -> Result<PathBuf
     Ok(PathBuf::from(global.service_dir().to_string()).join(file))
 }
 
-/// The process that made an id: iceoryx2's `UniqueSystemId` is seconds, nanoseconds, process, counter, 32 bits each.
+/// The process that made an id: iceoryx2's `UniqueSystemId` is seconds, nanoseconds, process, counter, 32
+/// bits each.
 pub(crate) fn pid_of(id: u128) -> u32 {
     (id >> 64) as u32
 }

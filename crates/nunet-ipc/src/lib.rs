@@ -30,7 +30,8 @@
 //! # Example: publish a depth map and read it in the same process
 //! ```
 //! use std::time::Duration;
-//! use nunet_ipc::{CameraName, Encoding, Limits, Publisher, Reader, Topic, TopicPlan, Units, Wake, monotonic_nanos};
+//! use nunet_ipc::{CameraName, Encoding, Limits, Publisher, Reader, Topic, TopicPlan, Units, Wake};
+//! use nunet_ipc::monotonic_nanos;
 //!
 //! # nunet_ipc::use_root(&std::env::temp_dir().join("nunet-doc"))?;
 //! let camera = CameraName::new(&format!("example-{}", std::process::id()))?;

@@ -57,10 +57,11 @@ impl Limits {
 
     /// Chunks that a topic needs so that a loan never fails while the publisher keeps to `max_loans`.
     ///
-    /// A chunk is in use when a reader holds it (`readers * held`), when it is the newest frame, or when the publisher
-    /// fills it. Every reader's queue is one frame long, is overwritten by every send, and so holds nothing but the
-    /// newest frame, which is also the one kept for late joiners: one chunk for all of them. iceoryx2's own count
-    /// has a chunk more for each reader, because it allows for queues that hold different frames.
+    /// A chunk is in use when a reader holds it (`readers * held`), when it is the newest frame, or when the
+    /// publisher fills it. Every reader's queue is one frame long, is overwritten by every send, and so holds
+    /// nothing but the newest frame, which is also the one kept for late joiners: one chunk for all of them.
+    /// iceoryx2's own count has a chunk more for each reader, because it allows for queues that hold
+    /// different frames.
     #[must_use]
     pub const fn chunks_of(&self, topic: Topic) -> usize {
         self.readers_of(topic) * self.max_held_frames + 1 + self.max_loans
@@ -130,7 +131,8 @@ pub(crate) fn megabytes(bytes: u64) -> f64 {
     bytes as f64 / 1e6
 }
 
-/// iceoryx2's own header in front of each [`FrameHeader`] (`iceoryx2::service::header::publish_subscribe::Header`).
+/// iceoryx2's own header in front of each [`FrameHeader`]
+/// (`iceoryx2::service::header::publish_subscribe::Header`).
 const ICEORYX_HEADER_BYTES: usize = 48;
 
 /// Bytes of one chunk: both headers, then the payload, aligned.

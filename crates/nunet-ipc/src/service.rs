@@ -19,8 +19,9 @@ use crate::process::Process;
 pub(crate) type TopicService = publish_subscribe::PortFactory<Iceoryx, [Block64], FrameHeader>;
 pub(crate) type WakeService = event::PortFactory<Iceoryx>;
 
-// Two enumerations of iceoryx2 with the same names: a service that is absent, is being created, is incomplete until its
-// publisher repairs it, or belongs to another user who has not shared it with the group yet. Each may change any moment.
+// Two enumerations of iceoryx2 with the same names: a service that is absent, is being created, is incomplete
+// until its publisher repairs it, or belongs to another user who has not shared it with the group yet. Each
+// may change any moment.
 macro_rules! not_there_yet {
     ($error:ident) => {
         $error::DoesNotExist
@@ -66,8 +67,9 @@ pub(crate) fn open_wake(node: &Node<Iceoryx>, camera: &CameraName) -> Result<Opt
     }
 }
 
-/// Reads the attributes before opening: a service of another version may have other types, and opening it would fail
-/// without the reason. Returns whether they could be read: those of another user cannot until that user shares them.
+/// Reads the attributes before opening: a service of another version may have other types, and opening it
+/// would fail without the reason. Returns whether they could be read: those of another user cannot until that
+/// user shares them.
 pub(crate) fn refuse_other_contract(name: &str, pattern: MessagingPattern) -> Result<bool, IpcError> {
     match Iceoryx::details(&service_name(name)?, config(), pattern) {
         Ok(Some(details)) => check_contract(name, details.static_details.attributes()).map(|()| true),
@@ -77,8 +79,9 @@ pub(crate) fn refuse_other_contract(name: &str, pattern: MessagingPattern) -> Re
     }
 }
 
-/// Whether a service exists with all its parts and may be read. It only checks files. To wait for a service, check first
-/// whether there is a file at [`record_of`](crate::iceoryx::record_of), which takes one system call.
+/// Whether a service exists with all its parts and may be read. It only checks files. To wait for a service,
+/// check first whether there is a file at [`record_of`](crate::iceoryx::record_of), which takes one system
+/// call.
 pub(crate) fn is_complete(name: &str, pattern: MessagingPattern) -> Result<bool, IpcError> {
     match Iceoryx::details(&service_name(name)?, config(), pattern) {
         Ok(Some(details)) => {

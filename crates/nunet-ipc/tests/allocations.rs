@@ -1,4 +1,5 @@
-//! What frames take from the heap once they run: nothing, but for one small piece of iceoryx2's own in each loan.
+//! What frames take from the heap once they run: nothing, but for one small piece of iceoryx2's own in each
+//! loan.
 
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first thing that is wrong")]
 
@@ -17,8 +18,8 @@ fn a_loan_allocates_iceoryx2s_shared_state_and_nothing_else() {
     let publisher = publisher(&camera, &[Topic::Depth]);
     let _reader = Reader::open(&camera, &[Topic::Depth], TIMEOUT).unwrap();
     publish_depth(&publisher, 0); // connects
-    // `ChunkMutSharedState` is an `Arc` around a mutex, allocated for every loan. When a later iceoryx2 does without,
-    // this number falls to 0.
+    // `ChunkMutSharedState` is an `Arc` around a mutex, allocated for every loan. When a later iceoryx2 does
+    // without, this number falls to 0.
     assert_eq!(allocations_during(|| (0..100).for_each(|sequence| publish_depth(&publisher, sequence))), 100);
 }
 

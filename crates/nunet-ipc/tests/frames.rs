@@ -98,8 +98,8 @@ fn readers_that_never_release_frames_block_neither_the_publisher_nor_others() {
 proptest::proptest! {
     #![proptest_config(proptest::prelude::ProptestConfig { cases: 8, failure_persistence: None, ..Default::default() })]
 
-    /// The bound of `Limits::chunks_of` is lower than iceoryx2's own: here readers open, hold, release and close in
-    /// any order, and the publisher must still find a free chunk for every frame.
+    /// The bound of `Limits::chunks_of` is lower than iceoryx2's own: here readers open, hold, release and
+    /// close in any order, and the publisher must still find a free chunk for every frame.
     #[test]
     fn a_loan_always_succeeds_independent_of_readers(actions in proptest::collection::vec((0_usize..4, 0_u8..6), 200)) {
         let camera = camera();

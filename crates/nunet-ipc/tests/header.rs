@@ -168,8 +168,9 @@ fn a_point_of_an_obstacle_is_a_ros_point_and_the_record_has_its_arrays_at_the_en
     assert_eq!((OBSTACLE_SECTOR.bytes, OBSTACLES.bytes), (32, 111_680));
 }
 
-/// The header's numbers as a reader knew them before obstacles: fields of the first 408 bytes, and the words of its
-/// enumerations. Neither may move: such a reader goes on working, and meets at most a word that it does not know.
+/// The header's numbers as a reader knew them before obstacles: fields of the first 408 bytes, and the words
+/// of its enumerations. Neither may move: such a reader goes on working, and meets at most a word that it
+/// does not know.
 #[test]
 fn a_reader_from_before_obstacles_and_calibrated_scale_still_reads_every_frame() {
     let mut header = filled();

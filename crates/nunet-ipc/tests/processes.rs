@@ -167,7 +167,8 @@ fn minor_faults() -> u64 {
     after_name.split_whitespace().nth(7).unwrap().parse().unwrap()
 }
 
-/// All that may remain in a sandbox after all processes ended: iceoryx2's counter of nodes, which it keeps on purpose.
+/// All that may remain in a sandbox after all processes ended: iceoryx2's counter of nodes, which it keeps on
+/// purpose.
 fn leftovers(sandbox: &Sandbox) -> Vec<PathBuf> {
     let shared = sandbox.shared_memory().into_iter().map(|(file, _)| file);
     let kept = |file: &PathBuf| file.to_string_lossy().ends_with(".global_mgmt");
@@ -256,7 +257,8 @@ fn nothing_is_left_after_publishers_and_readers_were_killed_at_any_moment() {
     for round in 0..24_u64 {
         let mut publisher = sandbox.spawn("peer", "own", "front");
         let mut readers = [sandbox.spawn("peer", "read", "front"), sandbox.spawn("peer", "read", "front")];
-        // From before the first service to the midst of the stream; spread evenly, so that a failure comes again.
+        // From before the first service to the midst of the stream; spread evenly, so that a failure comes
+        // again.
         std::thread::sleep(Duration::from_micros(round * 2700));
         if round % 3 != 0 {
             publisher.kill();
@@ -279,7 +281,8 @@ fn nothing_is_left_after_publishers_and_readers_were_killed_at_any_moment() {
     assert_eq!(left, Vec::<PathBuf>::new());
 }
 
-/// A node of iceoryx2 is a few files that are written, synced and removed: once is fine, ten times a second is not.
+/// A node of iceoryx2 is a few files that are written, synced and removed: once is fine, ten times a second
+/// is not.
 #[test]
 fn waiting_for_an_absent_publisher_creates_no_files() {
     let sandbox = Sandbox::new();

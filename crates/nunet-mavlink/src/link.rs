@@ -34,8 +34,9 @@ pub enum LinkEvent {
     Lost(String),
 }
 
-/// Sends heartbeats and distances. A connection that fails is opened again. Calls may block for a second, so it belongs on a
-/// thread of its own. They do not wait for the lookup of a host: they send nothing until it has ended.
+/// Sends heartbeats and distances. A connection that fails is opened again. Calls may block for a second, so
+/// it belongs on a thread of its own. They do not wait for the lookup of a host: they send nothing until it
+/// has ended.
 #[derive(Debug)]
 pub struct MavlinkLink {
     address: MavlinkAddress,
@@ -71,7 +72,8 @@ impl MavlinkLink {
         &self.address
     }
 
-    /// Sends the distances of an image, unless the last ones were sent less than 1/15 s ago. Old ones are never sent again.
+    /// Sends the distances of an image, unless the last ones were sent less than 1/15 s ago. Old ones are
+    /// never sent again.
     pub fn send(&mut self, ring: &DistanceRing, unix_micros: u64, now: Instant) -> Option<LinkEvent> {
         let event = self.keep_alive(now);
         if self.distance_at.is_some_and(|next| now < next) || self.port.is_none() {

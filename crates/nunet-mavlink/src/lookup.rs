@@ -4,8 +4,8 @@ use std::io;
 use std::net::{SocketAddr, ToSocketAddrs as _};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 
-/// Looks up a host. The system's lookup may block for longer than a shutdown may last, and cannot be canceled. So a thread
-/// waits for it, one at a time, which a shutdown abandons.
+/// Looks up a host. The system's lookup may block for longer than a shutdown may last, and cannot be
+/// canceled. So a thread waits for it, one at a time, which a shutdown abandons.
 #[derive(Debug, Default)]
 pub(crate) struct HostLookup {
     running: Option<Receiver<io::Result<SocketAddr>>>,

@@ -11,7 +11,8 @@ pub(crate) const BIN_DEG: f32 = 5.0;
 /// Overlaps of angles below this are rounding, degrees.
 const TOUCH_DEG: f32 = 0.01;
 
-/// The distances of `OBSTACLE_DISTANCE`: 72 directions of 5 degrees, clockwise seen from above, the first one forward.
+/// The distances of `OBSTACLE_DISTANCE`: 72 directions of 5 degrees, clockwise seen from above, the first one
+/// forward.
 ///
 /// It is the mirror image of a `LaserScan`, which counts counterclockwise.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -29,8 +30,8 @@ impl Default for DistanceRing {
 }
 
 impl DistanceRing {
-    /// Fills the ring from sectors, counterclockwise: sector `i` begins at `angle_min + i * angle_step` radians, 0 = forward.
-    /// `max_range_m` is the range within which obstacles were searched.
+    /// Fills the ring from sectors, counterclockwise: sector `i` begins at `angle_min + i * angle_step`
+    /// radians, 0 = forward. `max_range_m` is the range within which obstacles were searched.
     ///
     /// A direction has the distance of its nearest obstacle or drop. It is free only if all of it is in view
     /// and free.
@@ -66,8 +67,8 @@ impl Default for Bin {
 }
 
 impl Bin {
-    /// Adds a sector of this width, whose center is `away_deg` from this bin's. Its beam is a distance, infinity if it is
-    /// free, or NaN.
+    /// Adds a sector of this width, whose center is `away_deg` from this bin's. Its beam is a distance,
+    /// infinity if it is free, or NaN.
     fn add(&mut self, away_deg: f32, width_deg: f32, beam_m: f32) {
         let away_deg = (away_deg + 180.0).rem_euclid(360.0) - 180.0;
         let overlap_deg = (0.5 * (BIN_DEG + width_deg) - away_deg.abs()).min(BIN_DEG).min(width_deg);

@@ -13,8 +13,8 @@ pub(crate) fn topic_of(image_topic: &str) -> Option<String> {
     Some(format!("{namespace}attitude"))
 }
 
-/// The message of roll and pitch, radians, about the fixed axes x and y in this order. The heading is not known,
-/// and stated as 0.
+/// The message of roll and pitch, radians, about the fixed axes x and y in this order. The heading is not
+/// known, and stated as 0.
 pub(crate) fn message(roll_pitch_rad: [f32; 2], header: Header<'_>) -> Imu<'_> {
     let half = |angle_rad: f32| (0.5 * f64::from(angle_rad)).sin_cos();
     let [(sin_roll, cos_roll), (sin_pitch, cos_pitch)] = roll_pitch_rad.map(half);

@@ -52,8 +52,8 @@ impl CameraDescription {
     }
 
     /// Rectified images have the camera of the projection P, without distortion; K and D describe the
-    /// unrectified image. The lengths of the matrices were checked; protobuf omits an unknown one. A matrix of
-    /// zeros is unknown too: ROS writes it for a camera that is not calibrated.
+    /// unrectified image. The lengths of the matrices were checked; protobuf omits an unknown one. A matrix
+    /// of zeros is unknown too: ROS writes it for a camera that is not calibrated.
     pub(crate) fn of_matrices(
         size: ImageSize,
         CameraMatrices { k, p }: CameraMatrices<'_>,
@@ -153,7 +153,8 @@ mod tests {
         assert_eq!((camera.intrinsics, camera.coefficients.len()), ([400.0, 401.0, 310.0, 230.0], 0));
     }
 
-    /// A sensor of 640x480 pixels of which the region of interest is 320x240 in the middle, and the camera of its images.
+    /// A sensor of 640x480 pixels of which the region of interest is 320x240 in the middle, and the camera of
+    /// its images.
     fn cropped(change: impl Fn(&mut CameraInfo<'_>), rectified: bool) -> CameraDescription {
         let whole = CameraDescription {
             width: 640,

@@ -1,8 +1,8 @@
 //! The topic that describes the camera of an image topic.
 //!
-//! ROS' drivers publish `camera_info` beside the image. Other publishers, of stereo cameras or of rectified images, name
-//! it after the image: `left_camera_info`, `camera_info_rect`. A topic that by its name describes another image is not
-//! used, because its intrinsics would be wrong and nothing would show it.
+//! ROS' drivers publish `camera_info` beside the image. Other publishers, of stereo cameras or of rectified
+//! images, name it after the image: `left_camera_info`, `camera_info_rect`. A topic that by its name
+//! describes another image is not used, because its intrinsics would be wrong and nothing would show it.
 
 use std::cmp::Reverse;
 use std::collections::BTreeSet;
@@ -21,8 +21,8 @@ pub fn camera_topic(image_topic: &str) -> String {
     format!("{}/{CAMERA_INFO}", parent(stream(image_topic)))
 }
 
-/// Chooses among the topics of a recording; `None` if there is no camera in the image's namespace. A topic in another
-/// namespace belongs to another camera.
+/// Chooses among the topics of a recording; `None` if there is no camera in the image's namespace. A topic in
+/// another namespace belongs to another camera.
 ///
 /// # Errors
 /// Why none of the topics in the namespace is used.

@@ -1,4 +1,5 @@
-//! OMG's Common Data Representation, as ROS 2 writes it: four bytes that state the byte order, then the message.
+//! OMG's Common Data Representation, as ROS 2 writes it: four bytes that state the byte order, then the
+//! message.
 
 use byteorder::{BigEndian, LittleEndian};
 use serde::{Deserialize, Serialize};

@@ -9,8 +9,8 @@ use crate::records::Records;
 use crate::topics::{color_topics, depth_topics, one_transport_each};
 use crate::{RecordingError, camera_topic};
 
-/// The longest name that is kept. Those of ROS have at most 255 bytes; a hostile file can state 65,536 names that fill a
-/// record each, which compress to almost nothing.
+/// The longest name that is kept. Those of ROS have at most 255 bytes; a hostile file can state 65,536 names
+/// that fill a record each, which compress to almost nothing.
 const MAX_NAME_BYTES: usize = 1024;
 
 /// The beginning of a name, which is the whole name in every file that is not hostile.

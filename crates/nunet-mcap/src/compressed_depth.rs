@@ -1,9 +1,9 @@
 //! Depth of the ROS package `compressed_depth_image_transport`, and depth in plain PNG files.
 //!
-//! A message is a header of twelve bytes (format, then two quantization parameters as `f32`) and a PNG file of 16 bits or
-//! RVL data. Depth in meters is stored as its inverse: `depth = a / (value - b)`, 0 = none.
-//! Source: `compressed_depth_image_transport/src/codec.cpp` and `rvl_codec.cpp`; RVL is A. D. Wilson, *Fast lossless depth
-//! image compression*, 2017.
+//! A message is a header of twelve bytes (format, then two quantization parameters as `f32`) and a PNG file
+//! of 16 bits or RVL data. Depth in meters is stored as its inverse: `depth = a / (value - b)`, 0 = none.
+//! Source: `compressed_depth_image_transport/src/codec.cpp` and `rvl_codec.cpp`; RVL is A. D. Wilson, *Fast
+//! lossless depth image compression*, 2017.
 
 use std::io::Cursor;
 

@@ -4,7 +4,8 @@ use std::fs::File;
 use std::io::{self, Seek as _, SeekFrom, Write as _};
 use std::os::unix::fs::FileExt as _;
 
-/// The records `DataEnd` and `Footer` without checksums and summary, and the magic bytes (MCAP specification).
+/// The records `DataEnd` and `Footer` without checksums and summary, and the magic bytes (MCAP
+/// specification).
 pub(crate) const END: [u8; 13 + 29 + 8] = {
     let mut end = [0; 50];
     end[0] = 0x0f;

@@ -1,8 +1,8 @@
 //! Foxglove's messages in JSON. All spellings of its tools are accepted.
 //!
-//! The published schemas spell the matrices `D K R P`; Foxglove's own Rust types write `d k r p`, and some tools write both.
-//! Optional fields may be absent or `null`. Protobuf's JSON mapping writes `frameId` and `distortionModel`, and its readers
-//! accept whole numbers as `64`, `64.0` and `"64"`.
+//! The published schemas spell the matrices `D K R P`; Foxglove's own Rust types write `d k r p`, and some
+//! tools write both. Optional fields may be absent or `null`. Protobuf's JSON mapping writes `frameId` and
+//! `distortionModel`, and its readers accept whole numbers as `64`, `64.0` and `"64"`.
 
 use crate::json_fields::Fields;
 

@@ -58,8 +58,8 @@ pub(crate) struct Raw<'a> {
 }
 
 impl RecordedImage {
-    /// Time of capture, nanoseconds since 1970, 0 or more: as the message states it, else the time of recording. A time
-    /// before 1970, which ROS can state, counts as none.
+    /// Time of capture, nanoseconds since 1970, 0 or more: as the message states it, else the time of
+    /// recording. A time before 1970, which ROS can state, counts as none.
     #[must_use]
     pub fn unix_nanos(&self) -> i64 {
         if self.stamp_nanos <= 0 {
@@ -119,8 +119,9 @@ impl RecordedImage {
         kept.clone_into(&mut self.frame_id);
     }
 
-    /// A compressed image: JPEG and PNG are recognized by their first bytes, since formats are written in many ways
-    /// ("rgb8; jpeg compressed bgr8"). The encoding before the semicolon is that of the image before compression.
+    /// A compressed image: JPEG and PNG are recognized by their first bytes, since formats are written in
+    /// many ways ("rgb8; jpeg compressed bgr8"). The encoding before the semicolon is that of the image
+    /// before compression.
     pub(crate) fn set_file(&mut self, data: &[u8], format: &str, purpose: Purpose) -> Result<(), ImageError> {
         let original = format.split_once(';').and_then(|(name, _)| ImageEncoding::named(name.trim()));
         let is_transport = compressed_depth::is_named(format);

@@ -1,7 +1,7 @@
 //! The fields of a message in JSON. Every error names its field.
 //!
-//! An image may be an array of numbers. Arrays are converted while they are read: a [`Value`] for each number would take 16
-//! times the memory of the text.
+//! An image may be an array of numbers. Arrays are converted while they are read: a [`Value`] for each number
+//! would take 16 times the memory of the text.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -28,7 +28,8 @@ pub(crate) struct Fields(BTreeMap<&'static str, Field>);
 
 /// The content of a field.
 enum Field {
-    /// `null`, a truth value, a number or a text. An array or an object within another one is an empty one here.
+    /// `null`, a truth value, a number or a text. An array or an object within another one is an empty one
+    /// here.
     Single(Value),
     /// The parts of a time; others are ignored.
     Object(Map<String, Value>),
@@ -67,8 +68,8 @@ impl Fields {
         whole.map(Self).map_err(|error| format!("{:.200}", error.to_string()))
     }
 
-    /// The value under the first of the spellings, with its name. `null` is none, and an empty array only counts if the
-    /// other spelling has none.
+    /// The value under the first of the spellings, with its name. `null` is none, and an empty array only
+    /// counts if the other spelling has none.
     fn take<'n>(&mut self, names: &[&'n str]) -> Option<(&'n str, Field)> {
         let values = names.iter().filter_map(|name| Some((*name, self.0.remove(*name)?)));
         let mut present: Vec<_> = values.filter(|(_, value)| !value.is_null()).collect();
@@ -115,8 +116,8 @@ impl Fields {
         }
     }
 
-    /// Nanoseconds of `{sec, nsec}`, with the names of ROS or of protobuf too. Any other form is 0, unknown; the
-    /// time of recording replaces it.
+    /// Nanoseconds of `{sec, nsec}`, with the names of ROS or of protobuf too. Any other form is 0, unknown;
+    /// the time of recording replaces it.
     pub(crate) fn stamp(&mut self, name: &str) -> i64 {
         let Some((_, Field::Object(stamp))) = self.take(&[name]) else { return 0 };
         let part = |names: &[&str]| names.iter().find_map(|name| integer(stamp.get(*name)?));
@@ -231,7 +232,8 @@ impl<'de> Visitor<'de> for Place {
     }
 }
 
-/// The converted values of an array, `most` at most. After one that is not as `expected`, the others are ignored.
+/// The converted values of an array, `most` at most. After one that is not as `expected`, the others are
+/// ignored.
 fn each<'de, A: SeqAccess<'de>, T>(
     name: &str,
     mut values: A,
@@ -271,7 +273,8 @@ fn integer(value: &Value) -> Option<i64> {
     })
 }
 
-/// As protobuf's JSON mapping asks of readers: standard or URL-safe, with or without padding. MIME tools break the lines.
+/// As protobuf's JSON mapping asks of readers: standard or URL-safe, with or without padding. MIME tools
+/// break the lines.
 fn base64_bytes(mut text: String) -> Result<Vec<u8>, base64::DecodeError> {
     const ANY_PADDING: GeneralPurposeConfig =
         GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);

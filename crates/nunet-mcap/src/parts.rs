@@ -30,7 +30,8 @@ struct Information {
     relative_file_paths: Vec<PathBuf>,
 }
 
-/// Whether a path is a recording by its name or its content: an MCAP file, a bag's folder, or its `metadata.yaml`.
+/// Whether a path is a recording by its name or its content: an MCAP file, a bag's folder, or its
+/// `metadata.yaml`.
 #[must_use]
 pub fn is_recording(path: &Path) -> bool {
     let is_mcap = has_ending(path, "mcap");

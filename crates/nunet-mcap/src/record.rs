@@ -169,7 +169,8 @@ mod tests {
         for bit in 0..32 {
             let mut record = CHANNEL.to_vec();
             record[4 + bit / 8] ^= 1 << (bit % 8);
-            // A topic that is one or two bytes shorter shifts the encoding: still within the record, or an error.
+            // A topic that is one or two bytes shorter shifts the encoding: still within the record, or an
+            // error.
             let parsed = Record::parse(op::CHANNEL, &record);
             assert!(bit < 5 || parsed.is_err(), "bit {bit}: {parsed:?}");
         }

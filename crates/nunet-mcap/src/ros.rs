@@ -91,8 +91,8 @@ impl RosMessage<'_> {
     }
 }
 
-/// The definition of a type of messages with all types that it contains (`ros2msg`), as recordings embed it; `None` for
-/// types that recordings do not have.
+/// The definition of a type of messages with all types that it contains (`ros2msg`), as recordings embed it;
+/// `None` for types that recordings do not have.
 #[must_use]
 pub fn definition(type_name: &str) -> Option<&'static str> {
     let all = [&IMAGE, &COMPRESSED_IMAGE, &CAMERA_INFO, &POINT_CLOUD, &LASER_SCAN, &IMU, &TF_MESSAGE];

@@ -9,8 +9,8 @@ const MAX_TEXT_BYTES: usize = 1024;
 
 /// Reads a text: in CDR a sequence of bytes that ends with a zero.
 ///
-/// ROS 2 sends texts unchecked, and one that is not UTF-8 must not make an image unreadable: its bytes are replaced. A text
-/// that is too long is cut, because this is done for every message.
+/// ROS 2 sends texts unchecked, and one that is not UTF-8 must not make an image unreadable: its bytes are
+/// replaced. A text that is too long is cut, because this is done for every message.
 pub(crate) fn read<'de: 'a, 'a, D: Deserializer<'de>>(deserializer: D) -> Result<Cow<'a, str>, D::Error> {
     let bytes = <&'de [u8]>::deserialize(deserializer)?;
     let text = bytes.strip_suffix(&[0]).unwrap_or(bytes);

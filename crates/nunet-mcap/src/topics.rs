@@ -1,8 +1,8 @@
 //! The content of topics, judged by their names, and the choice among several.
 //!
 //! Drivers spell their streams differently: `/camera/color/image_raw`, `/zed/zed_node/rgb/image_rect_color`,
-//! `/oak/rgb/image_raw`, `/rgb_to_depth/image_raw`. The last part of a name that contains a known word decides. Of
-//! `A_to_B` only `A` counts: an image of A in the frame of B.
+//! `/oak/rgb/image_raw`, `/rgb_to_depth/image_raw`. The last part of a name that contains a known word
+//! decides. Of `A_to_B` only `A` counts: an image of A in the frame of B.
 
 /// The content of an image topic, judged by its name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

@@ -149,8 +149,8 @@ impl RecordingWriter {
         self.put(self.topic("scan"), log_nanos, &header, RosMessage::Scan(obstacles))
     }
 
-    /// Writes roll and pitch of the robot's base that were used for a frame, radians, before the frame itself.
-    /// Errors are final, as in [`Self::write`].
+    /// Writes roll and pitch of the robot's base that were used for a frame, radians, before the frame
+    /// itself. Errors are final, as in [`Self::write`].
     ///
     /// # Errors
     /// The disk is full, or a message cannot be encoded.
@@ -281,7 +281,8 @@ impl RecordingWriter {
     }
 }
 
-/// The publisher of `/tf_static` keeps it for late subscribers; `ros2 bag play` does so only with these settings.
+/// The publisher of `/tf_static` keeps it for late subscribers; `ros2 bag play` does so only with these
+/// settings.
 fn qos(topic: &str) -> BTreeMap<String, String> {
     const LATCHED: &str = "- history: 1\n  depth: 1\n  reliability: 1\n  durability: 1\n  deadline:\n    sec: 9223372036\n    \
                            nsec: 854775807\n  lifespan:\n    sec: 9223372036\n    nsec: 854775807\n  liveliness: 1\n  \

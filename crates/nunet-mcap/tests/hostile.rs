@@ -1,4 +1,5 @@
-//! Recordings of every kind, cut off anywhere and damaged: an error or images, never a panic, never a mixture.
+//! Recordings of every kind, cut off anywhere and damaged: an error or images, never a panic, never a
+//! mixture.
 #![expect(clippy::unwrap_used, reason = "a test may stop at the first thing that is wrong")]
 
 #[expect(unreachable_pub, reason = "the fuzz targets are another crate")]

@@ -300,7 +300,8 @@ fn places_of_chunks(file: &[u8]) -> Vec<usize> {
     places
 }
 
-/// What a writer leaves that is killed before its first chunk is complete: sizes of all ones, then a part of the chunk.
+/// What a writer leaves that is killed before its first chunk is complete: sizes of all ones, then a part of
+/// the chunk.
 #[test]
 fn the_images_of_an_open_chunk_are_read() {
     let folder = Folder::new();
@@ -663,8 +664,8 @@ fn a_file_that_lost_its_last_bytes_is_cut_off_and_not_complete() {
     }
 }
 
-/// Each bit of each length, of records and of the texts in them: an error or fewer images, with memory for no more than
-/// the file and its chunks hold.
+/// Each bit of each length, of records and of the texts in them: an error or fewer images, with memory for no
+/// more than the file and its chunks hold.
 #[test]
 fn no_flipped_bit_of_a_small_file_requests_much_memory() {
     const MOST_BYTES: usize = 1 << 20;

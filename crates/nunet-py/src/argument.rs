@@ -16,8 +16,8 @@ use crate::error::hinted;
 /// Longest value shown in a message, characters.
 const MAX_SHOWN_CHARS: usize = 60;
 
-/// Defines a converter for each argument. pyo3 does not pass the name of an argument to its converter, so each name needs
-/// a function of its own.
+/// Defines a converter for each argument. pyo3 does not pass the name of an argument to its converter, so
+/// each name needs a function of its own.
 macro_rules! arguments {
     ($($function:ident($name:literal): $kind:ident -> $type:ty;)*) => {
         $(pub(crate) fn $function<'a>(object: &'a Bound<'_, PyAny>) -> PyResult<$type> {

@@ -10,8 +10,8 @@ use pyo3::types::PyTuple;
 
 use crate::error::hinted;
 
-/// Imports numpy, which the package itself does not. Otherwise the first array imports it, and a failure there (Ctrl-C, or
-/// no numpy) would be a panic.
+/// Imports numpy, which the package itself does not. Otherwise the first array imports it, and a failure
+/// there (Ctrl-C, or no numpy) would be a panic.
 ///
 /// # Errors
 /// The exception of the import.

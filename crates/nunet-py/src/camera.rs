@@ -17,9 +17,11 @@ use crate::error::{PyCameraError, failure, hinted, of_camera};
 /// The hint for a missing or wrong camera.
 const EXAMPLE: &str = "pass `nunet_py.Camera(fx=..., fy=..., cx=..., cy=..., size=(width, height))`";
 
-/// A camera: focal lengths and principal point in pixels, the image size that they are for, and the lens distortion.
+/// A camera: focal lengths and principal point in pixels, the image size that they are for, and the lens
+/// distortion.
 ///
-/// The optical frame is x right, y down, z forward. Pixel centers have whole coordinates. Cameras are immutable.
+/// The optical frame is x right, y down, z forward. Pixel centers have whole coordinates. Cameras are
+/// immutable.
 ///
 /// Parameters
 /// ----------
@@ -28,17 +30,18 @@ const EXAMPLE: &str = "pass `nunet_py.Camera(fx=..., fy=..., cx=..., cy=..., siz
 /// cx, cy : float
 ///     Column and row of the principal point, pixels. (0, 0) is the center of the top left pixel.
 /// size : tuple of int
-///     Width and height of the images that these numbers are for, pixels. For images of another size and the same aspect
-///     ratio the camera is scaled.
+///     Width and height of the images that these numbers are for, pixels. For images of another size and the
+///     same aspect ratio the camera is scaled.
 /// distortion : sequence of float, optional
-///     Distortion coefficients in OpenCV's order: `k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [tilt_x tilt_y]]]]`, or
-///     `k1 k2 k3 k4` of a fisheye lens. Omit it for rectified images.
+///     Distortion coefficients in OpenCV's order:
+///     `k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [tilt_x tilt_y]]]]`, or `k1 k2 k3 k4` of a fisheye lens. Omit
+///     it for rectified images.
 /// distortion_model : str, optional
-///     The ROS name of the distortion model: `plumb_bob`, `rational_polynomial`, or `equidistant` (fisheye). By default
-///     the number of coefficients selects one of the first two.
+///     The ROS name of the distortion model: `plumb_bob`, `rational_polynomial`, or `equidistant` (fisheye).
+///     By default the number of coefficients selects one of the first two.
 /// scale : float, optional
-///     The factor by which the network's meters are multiplied, as `nunetd calibrate` measures it. It replaces the ratio of
-///     the focal lengths.
+///     The factor by which the network's meters are multiplied, as `nunetd calibrate` measures it. It
+///     replaces the ratio of the focal lengths.
 ///
 /// Raises
 /// ------
@@ -85,8 +88,8 @@ impl PyCamera {
         Ok(Self(camera::Camera { intrinsics, distortion: lens(&coefficients, distortion_model)? }, scale))
     }
 
-    /// Read a calibration file: the `camera_info` YAML that the ROS package camera_calibration writes, with the scale that
-    /// `nunetd calibrate` adds.
+    /// Read a calibration file: the `camera_info` YAML that the ROS package camera_calibration writes, with
+    /// the scale that `nunetd calibrate` adds.
     ///
     /// Parameters
     /// ----------

@@ -20,12 +20,14 @@ pub(crate) const METRE: &str = "metre";
 type PickledCloud<'py> =
     (Bound<'py, PyArray3<f32>>, Bound<'py, PyArray2<u8>>, Bound<'py, PyArray3<u8>>, String);
 
-/// Points in the camera's optical frame (x right, y down, z forward), organized like the depth map: one point per pixel.
+/// Points in the camera's optical frame (x right, y down, z forward), organized like the depth map: one point
+/// per pixel.
 ///
 /// Attributes
 /// ----------
 /// points : numpy.ndarray
-///     float32 (H, W, 3): x, y, z in `units`. NaN where there is no depth, or no ray (the edge of a fisheye image).
+///     float32 (H, W, 3): x, y, z in `units`. NaN where there is no depth, or no ray (the edge of a fisheye
+///     image).
 /// labels : numpy.ndarray
 ///     uint8 (H, W): class indices; 255 if the network does not segment.
 /// colors : numpy.ndarray

@@ -18,8 +18,8 @@ use crate::error::hinted;
 /// depth : numpy.ndarray
 ///     float32 (H, W), C-contiguous, in meters or any other unit. NaN where there is no depth.
 /// near, far : float, optional
-///     Depth that is shown in red and depth that is shown in blue, in the unit of `depth`. By default the first and the
-///     last percentile of the map. Pass both for a video, so that the colors do not flicker.
+///     Depth that is shown in red and depth that is shown in blue, in the unit of `depth`. By default the
+///     first and the last percentile of the map. Pass both for a video, so that the colors do not flicker.
 ///
 /// Returns
 /// -------

@@ -20,7 +20,8 @@ pub(crate) use self::exceptions::{ContractVersionError, ModelError, NunetError, 
 /// The attribute that holds the hint of an exception.
 const ATTRIBUTE: &str = "hint";
 
-/// The error types of nunet's Rust code that can give hints. A new one that implements `Hint` needs its line here.
+/// The error types of nunet's Rust code that can give hints. A new one that implements `Hint` needs its line
+/// here.
 const HINTS: &[HintOf] = &[
     nunet_core::hint_of,
     hint_of::<EngineError>,
@@ -74,7 +75,8 @@ pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("ContractVersionError", py.get_type::<ContractVersionError>())
 }
 
-/// An exception whose text ends with the hint, which is its attribute `hint` too. Names in both cannot add another one.
+/// An exception whose text ends with the hint, which is its attribute `hint` too. Names in both cannot add
+/// another one.
 pub(crate) fn hinted<E: PyTypeInfo>(text: impl Display, hint: impl Display) -> PyErr {
     let (text, hint) = (text.to_string(), hint.to_string());
     exception::<E>(join_hint(printable::message(&text), printable::message(&hint)))

@@ -1,12 +1,12 @@
-//! Values that a fork of the process must not use. It inherits shared memory and sockets, but neither iceoryx2's records of
-//! which thread holds a lock nor which threads compute.
+//! Values that a fork of the process must not use. It inherits shared memory and sockets, but neither
+//! iceoryx2's records of which thread holds a lock nor which threads compute.
 
 use pyo3::prelude::*;
 
 use crate::error::{NunetError, hinted};
 
-/// A value that belongs to the process that made it. A fork can neither use nor drop it: dropping would remove files,
-/// release memory that the parent still uses, or wait for threads that a fork does not have.
+/// A value that belongs to the process that made it. A fork can neither use nor drop it: dropping would
+/// remove files, release memory that the parent still uses, or wait for threads that a fork does not have.
 #[derive(Debug)]
 pub(crate) struct ForkGuard<T> {
     // `None` only while it is dropped.

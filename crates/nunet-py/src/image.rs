@@ -61,8 +61,8 @@ impl<'py> ImageArgument<'py> {
     /// always RGB.
     ///
     /// # Errors
-    /// `TypeError` for anything that is not an image of 8 bits per channel, `ValueError` for another shape or size,
-    /// `FileNotFoundError` and `NunetError` for a file that cannot be read.
+    /// `TypeError` for anything that is not an image of 8 bits per channel, `ValueError` for another shape or
+    /// size, `FileNotFoundError` and `NunetError` for a file that cannot be read.
     pub(crate) fn take(name: &str, object: &Bound<'py, PyAny>, order: ColorOrder) -> PyResult<Self> {
         let image = if let Some(path) = path(object)? {
             Self::open(object.py(), path)?

@@ -16,7 +16,8 @@ pub(crate) struct ImageReplay {
     fits: bool,
     continuity: Continuity,
     frame: Frame,
-    /// The model's count of runs after the last frame. If it differs, the model ran on something else in between.
+    /// The model's count of runs after the last frame. If it differs, the model ran on something else in
+    /// between.
     left_at: Option<u64>,
 }
 
@@ -56,8 +57,8 @@ pub(crate) enum ReplayedStep {
 }
 
 impl ImageReplay {
-    /// Opens a recording. `topic` selects one of several image topics, and `camera` overrides the recording's own; it
-    /// describes the images before they are rotated.
+    /// Opens a recording. `topic` selects one of several image topics, and `camera` overrides the recording's
+    /// own; it describes the images before they are rotated.
     ///
     /// # Errors
     /// The file does not exist or is not MCAP, or has no or several image topics.
@@ -89,8 +90,8 @@ impl ImageReplay {
     /// Reads the next image and runs it through `model`.
     ///
     /// # Errors
-    /// The file is damaged or cut off at this point; all images before were returned. Or the given camera or its factor cannot
-    /// be used, which would fail for every image.
+    /// The file is damaged or cut off at this point; all images before were returned. Or the given camera or
+    /// its factor cannot be used, which would fail for every image.
     pub(crate) fn step(&mut self, model: &mut Model) -> anyhow::Result<ReplayedStep> {
         match self.source.fill(&mut self.frame) {
             Fill::Frame => {

@@ -6,7 +6,8 @@ use std::path::PathBuf;
 use nunet_engine::Installation;
 use pyo3::prelude::*;
 
-/// Sets how `nunetd` is started and where the models and the ONNX Runtime library are. Called once, on import.
+/// Sets how `nunetd` is started and where the models and the ONNX Runtime library are. Called once, on
+/// import.
 #[pyfunction]
 #[pyo3(signature = (*, command, model_folders, library_folders))]
 fn describe_installation(command: Vec<OsString>, model_folders: Vec<PathBuf>, library_folders: Vec<PathBuf>) {

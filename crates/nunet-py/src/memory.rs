@@ -16,8 +16,8 @@ use crate::error::{NunetError, hinted};
 /// Memory that a Python object keeps in place.
 ///
 /// # Safety
-/// The bytes must stay mapped, at the same place, for as long as the object lives. Where [`WRITEABLE`](Self::WRITEABLE)
-/// is true, nothing but the arrays may read or write them.
+/// The bytes must stay mapped, at the same place, for as long as the object lives. Where
+/// [`WRITEABLE`](Self::WRITEABLE) is true, nothing but the arrays may read or write them.
 pub(crate) unsafe trait Memory {
     /// Whether arrays may write to it.
     const WRITEABLE: bool;
@@ -75,7 +75,8 @@ impl<const N: usize> ArrayLayout<N> {
     }
 }
 
-/// An array over the memory of `owner`, which it keeps alive. A read-only array cannot be made writeable from Python.
+/// An array over the memory of `owner`, which it keeps alive. A read-only array cannot be made writeable from
+/// Python.
 ///
 /// # Errors
 /// `NunetError` if the array does not fit in the memory.
@@ -96,8 +97,9 @@ where
     let first = bytes.wrapping_add(shape.offset).cast();
     // SAFETY: numpy's module stays loaded, and so does its array type.
     let type_ = unsafe { get_type_object(py, NpyTypes::PyArray_Type) };
-    // SAFETY: every element lies within the memory (checked above), which stays as long as `owner` (`Memory`), which
-    // becomes the array's base below. numpy copies lengths and strides and takes over the reference to `element`.
+    // SAFETY: every element lies within the memory (checked above), which stays as long as `owner`
+    // (`Memory`), which becomes the array's base below. numpy copies lengths and strides and takes over the
+    // reference to `element`.
     let made = unsafe {
         PY_ARRAY_API.PyArray_NewFromDescr(
             py,

@@ -13,16 +13,18 @@ use pyo3::types::PyTuple;
 use crate::argument::taken;
 use crate::error::hinted;
 
-/// Obstacles in the leveled base frame of the robot: x forward, y left, z up, origin on the floor. Meters and radians.
+/// Obstacles in the leveled base frame of the robot: x forward, y left, z up, origin on the floor. Meters and
+/// radians.
 ///
-/// A direction is free only up to its range, and only if its floor was seen. Sectors are sorted counterclockwise: the
-/// first one is the rightmost. The floor nearer than `seen_from` is below the image and was not seen.
+/// A direction is free only up to its range, and only if its floor was seen. Sectors are sorted
+/// counterclockwise: the first one is the rightmost. The floor nearer than `seen_from` is below the image and
+/// was not seen.
 ///
 /// Attributes
 /// ----------
 /// states : tuple of str
-///     (N): what is at the range of each sector: `occupied` (an obstacle), `drop` (the floor ends), `unknown` (nothing
-///     is known from there on) or `free` (the search range or the image ends).
+///     (N): what is at the range of each sector: `occupied` (an obstacle), `drop` (the floor ends), `unknown`
+///     (nothing is known from there on) or `free` (the search range or the image ends).
 /// ranges : numpy.ndarray
 ///     float32 (N): how far each sector is free.
 /// angles : numpy.ndarray
@@ -52,8 +54,8 @@ use crate::error::hinted;
 /// used_labels : bool
 ///     Whether labels identified floor and glass; if not, only geometry did.
 /// used_attitude : bool
-///     Whether the robot's attitude at the capture time turned the mount (`nunetd --attitude`). If not, the robot
-///     counts as level.
+///     Whether the robot's attitude at the capture time turned the mount (`nunetd --attitude`). If not, the
+///     robot counts as level.
 #[pyclass(frozen, get_all, name = "Obstacles", module = "nunet_py")]
 pub(crate) struct PyObstacles {
     states: Py<PyTuple>,

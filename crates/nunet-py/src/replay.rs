@@ -84,9 +84,9 @@ impl PyReplay {
 
 /// Run a recording through a model, like `nunetd replay`: an iterator over results.
 ///
-/// Reads MCAP files with images of ROS 2 (`sensor_msgs/msg/Image`, `CompressedImage` and their `CameraInfo`) or Foxglove.
-/// Results carry the image's time stamp, topic, coordinate frame and camera. A recurrent network keeps its state from image
-/// to image, and resets it at discontinuities.
+/// Reads MCAP files with images of ROS 2 (`sensor_msgs/msg/Image`, `CompressedImage` and their `CameraInfo`)
+/// or Foxglove. Results carry the image's time stamp, topic, coordinate frame and camera. A recurrent network
+/// keeps its state from image to image, and resets it at discontinuities.
 ///
 /// Parameters
 /// ----------
@@ -99,27 +99,27 @@ impl PyReplay {
 /// camera : Camera, optional
 ///     The camera, used instead of the recording's own. It describes the images before they are rotated.
 /// rotate : int, optional
-///     Rotate the images clockwise before everything else, by 90, 180 or 270 degrees, because the camera was mounted
-///     turned. Results have no `frame_id` then.
+///     Rotate the images clockwise before everything else, by 90, 180 or 270 degrees, because the camera was
+///     mounted turned. Results have no `frame_id` then.
 ///
 /// Returns
 /// -------
 /// Replay
-///     Yields `Result`. `replay.topic` is the image topic; `replay.images` is the number of images, or `None` if the
-///     recording has no index.
+///     Yields `Result`. `replay.topic` is the image topic; `replay.images` is the number of images, or `None`
+///     if the recording has no index.
 ///
 /// Raises
 /// ------
 /// FileNotFoundError
 ///     The file does not exist.
 /// ValueError
-///     The recording has several image topics and none was named, or does not have the named one. `rotate` is another
-///     number.
+///     The recording has several image topics and none was named, or does not have the named one. `rotate` is
+///     another number.
 /// CameraError
 ///     While iterating: the aspect ratio of `camera` is not that of the images.
 /// NunetError
-///     The file is not MCAP or has no images. While iterating: the file is damaged or cut off at this point, after every
-///     complete image was yielded.
+///     The file is not MCAP or has no images. While iterating: the file is damaged or cut off at this point,
+///     after every complete image was yielded.
 ///
 /// Warns
 /// -----

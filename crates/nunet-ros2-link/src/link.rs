@@ -50,8 +50,8 @@ pub trait Link: Send + Sync {
         None
     }
 
-    /// Messages that [`MessagePublisher::send`] took, but that were dropped on their way to a subscriber, since
-    /// the last call by any user of the connection. Called about once per second.
+    /// Messages that [`MessagePublisher::send`] took, but that were dropped on their way to a subscriber,
+    /// since the last call by any user of the connection. Called about once per second.
     fn take_dropped(&self) -> u64 {
         0
     }

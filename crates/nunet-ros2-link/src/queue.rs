@@ -10,7 +10,8 @@ pub(crate) const MAX_MESSAGE_BYTES: u32 = 128 << 20;
 /// Messages that wait to be taken. A reader that comes a few periods late gets all of them, and can count
 /// those that it does not use.
 const MAX_WAITING: usize = 4;
-/// A publisher whose numbers skip more starts again: nobody loses that many messages, and sums stay within their type.
+/// A publisher whose numbers skip more starts again: nobody loses that many messages, and sums stay within
+/// their type.
 const MAX_LOST: u64 = u32::MAX as u64;
 /// Buffers that are kept for reuse.
 const MAX_SPARE: usize = 2;

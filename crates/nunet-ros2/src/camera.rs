@@ -1,5 +1,5 @@
-//! The sink of one camera. The inference thread copies a frame only if something subscribes to it; a thread of this sink
-//! encodes and sends it. While that thread is busy, a newer frame replaces the waiting one.
+//! The sink of one camera. The inference thread copies a frame only if something subscribes to it; a thread
+//! of this sink encodes and sends it. While that thread is busy, a newer frame replaces the waiting one.
 
 mod diagnostics;
 mod other_publishers;
@@ -277,7 +277,8 @@ impl CameraThread {
         }
     }
 
-    /// Sends a message that the network keeps. It is not counted, because how many subscribers get it is decided later.
+    /// Sends a message that the network keeps. It is not counted, because how many subscribers get it is
+    /// decided later.
     fn keep(&self, topic: Topic, message: Result<Vec<u8>, String>) {
         match message {
             Ok(message) => self.outputs.of(topic).iter().for_each(|one| {

@@ -64,8 +64,8 @@ impl Ros2Node {
         Ok(Box::new(CameraThread::start(camera, self.options.depth, outputs, connections)?))
     }
 
-    /// Announces the node of `camera`. Returns the connections that could not: topics work without it, and a node that has
-    /// not confirmed the last announcement yet may hold back the next.
+    /// Announces the node of `camera`. Returns the connections that could not: topics work without it, and a
+    /// node that has not confirmed the last announcement yet may hold back the next.
     fn announce(&self, camera: &str) -> Vec<Arc<dyn Link>> {
         let failed = self.links.iter().filter(|link| {
             let announced = link.announce_nodes();
@@ -88,8 +88,8 @@ impl Ros2Node {
     }
 }
 
-/// Each connection once, because a second one would publish each message twice. Two names may be one connection: `dds`
-/// and `dds:0`, `zenoh` and `zenoh:tcp/localhost:7447`.
+/// Each connection once, because a second one would publish each message twice. Two names may be one
+/// connection: `dds` and `dds:0`, `zenoh` and `zenoh:tcp/localhost:7447`.
 pub(crate) fn distinct(links: Vec<Arc<dyn Link>>) -> Vec<Arc<dyn Link>> {
     let mut distinct: Vec<Arc<dyn Link>> = Vec::new();
     for link in links {

@@ -123,8 +123,8 @@ pub struct Ros2Options {
 }
 
 impl Ros2Options {
-    /// Checks what can be checked without the network: the environment, Zenoh's configuration and the names of
-    /// the cameras.
+    /// Checks what can be checked without the network: the environment, Zenoh's configuration and the names
+    /// of the cameras.
     ///
     /// # Errors
     /// ROS 2 does not take one of them.

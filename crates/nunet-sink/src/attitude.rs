@@ -1,5 +1,5 @@
-//! The mount of each frame on a robot that pitches or rolls, from the attitude of its base in shared memory or
-//! in a recording.
+//! The mount of each frame on a robot that pitches or rolls, from the attitude of its base in shared memory
+//! or in a recording.
 
 use std::borrow::Cow;
 use std::str::FromStr;
@@ -15,8 +15,8 @@ use tracing::{info, warn};
 
 use crate::obstacles::ObstacleStage;
 
-/// A smaller change does not change the mount (0.1 degrees): its tables are computed again each time, and the ground is
-/// measured in each frame anyway.
+/// A smaller change does not change the mount (0.1 degrees): its tables are computed again each time, and the
+/// ground is measured in each frame anyway.
 const MIN_CHANGE_RAD: f32 = 0.0017;
 
 /// Where the attitude comes from.
@@ -81,8 +81,8 @@ impl AttitudeStage {
         }
     }
 
-    /// Turns the mount of a frame's camera by the attitude at its capture time. Without one, the mount is that of the level
-    /// robot, with a warning.
+    /// Turns the mount of a frame's camera by the attitude at its capture time. Without one, the mount is
+    /// that of the level robot, with a warning.
     pub fn follow(&mut self, frame: &Frame, pipeline: &mut Pipeline, obstacles: Option<&mut ObstacleStage>) {
         if let Some(mount) = self.new_mount(frame) {
             pipeline.set_mount(mount);

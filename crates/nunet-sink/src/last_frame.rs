@@ -19,8 +19,8 @@ struct LastFrame {
     has_obstacles: bool,
 }
 
-/// Writes the results of the last frame into `folder`, which exists; obstacles too if there is a stage that finds
-/// them.
+/// Writes the results of the last frame into `folder`, which exists; obstacles too if there is a stage that
+/// finds them.
 #[must_use]
 pub fn last_frame_into(folder: PathBuf, has_obstacles: bool) -> Box<dyn Sink> {
     Box::new(LastFrame { folder, has_obstacles })

@@ -12,8 +12,8 @@ use crate::sink::{FinishingSink, Outcome, PublishedFrame, Sink, Wants};
 
 /// The number of messages that wait. It is small, because waiting makes them old.
 const CAPACITY: usize = 2;
-/// Distances that waited longer, while the connection did not respond, are not sent: the autopilot would take them for
-/// those of now.
+/// Distances that waited longer, while the connection did not respond, are not sent: the autopilot would take
+/// them for those of now.
 const MAX_WAIT: Duration = Duration::from_millis(500);
 
 /// Sends the obstacles of one camera to an autopilot.

@@ -11,7 +11,8 @@ use tracing::warn;
 /// Angles are often written with few digits: 3.15 for half a turn.
 const ROUNDING_RAD: f64 = 0.01;
 
-/// The camera on the robot, as a user writes it: `x,y,z,roll,pitch,yaw` in `base_link` (x forward, y left, z up).
+/// The camera on the robot, as a user writes it: `x,y,z,roll,pitch,yaw` in `base_link` (x forward, y left, z
+/// up).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MountOption {
     /// Meters.
@@ -40,8 +41,8 @@ impl MountOption {
         }
     }
 
-    /// The first angle beyond those that every rotation can be written with, and their limit. A few degrees that are
-    /// taken as radians are often beyond; larger ones are refused.
+    /// The first angle beyond those that every rotation can be written with, and their limit. A few degrees
+    /// that are taken as radians are often beyond; larger ones are refused.
     fn unusual_angle(&self) -> Option<(&'static str, f64, f64)> {
         let [roll, pitch, yaw] = self.roll_pitch_yaw_rad;
         let named = [("roll", roll, PI), ("pitch", pitch, FRAC_PI_2), ("yaw", yaw, PI)];

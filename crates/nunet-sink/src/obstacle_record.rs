@@ -7,8 +7,8 @@ use nunet_mcap::BASE_FRAME;
 /// The base without its roll and pitch (REP 120).
 const LEVEL_BASE_FRAME: &str = "base_footprint";
 
-/// The coordinate frame of obstacles, which is level. It is the base of a robot that stays level itself. The base of one
-/// whose attitude is followed is not level.
+/// The coordinate frame of obstacles, which is level. It is the base of a robot that stays level itself. The
+/// base of one whose attitude is followed is not level.
 #[must_use]
 pub fn obstacle_frame(follows_attitude: bool) -> &'static str {
     if follows_attitude { LEVEL_BASE_FRAME } else { BASE_FRAME }

@@ -78,8 +78,8 @@ impl ObstacleStage {
         (!self.labels.is_empty()).then_some(&mut self.labels)
     }
 
-    /// Finds the obstacles of a frame of `camera`. Its labels are in the memory of [`Self::spare_labels`] if `image` has
-    /// none.
+    /// Finds the obstacles of a frame of `camera`. Its labels are in the memory of [`Self::spare_labels`] if
+    /// `image` has none.
     ///
     /// # Errors
     /// Buffers of another size than the camera's image.

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use nunet_mcap::RecordingError;
 
-/// Checks before any work is done that a recording may be written: the file does not exist, or `overwrite` is set.
+/// Checks before any work is done that a recording may be written: the file does not exist, or `overwrite` is
+/// set.
 ///
 /// # Errors
 /// It exists.
@@ -36,7 +37,8 @@ pub fn recording_path(path: &Path, is_folder: bool, camera: &str, unix_nanos: i6
 fn utc(unix_nanos: i64) -> String {
     let seconds = unix_nanos.div_euclid(1_000_000_000);
     let (days, second) = (seconds.div_euclid(86_400), seconds.rem_euclid(86_400));
-    // Days to a date of the proleptic Gregorian calendar: Hinnant, "chrono-compatible low-level date algorithms".
+    // Days to a date of the proleptic Gregorian calendar: Hinnant, "chrono-compatible low-level date
+    // algorithms".
     let shifted = days + 719_468;
     let era = shifted.div_euclid(146_097);
     let day_of_era = shifted.rem_euclid(146_097);

@@ -1,4 +1,5 @@
-//! A copy of one frame with its results; the memory is reused. Everything is little-endian, like shared memory.
+//! A copy of one frame with its results; the memory is reused. Everything is little-endian, like shared
+//! memory.
 
 use nunet_core::camera::Camera;
 use nunet_core::obstacle::Obstacles;
@@ -42,7 +43,8 @@ impl RecordedFrame {
         self.camera = camera;
     }
 
-    /// Copies a frame, and its camera at the size of the image. If the image came as a file, the file is enough.
+    /// Copies a frame, and its camera at the size of the image. If the image came as a file, the file is
+    /// enough.
     pub fn copy_frame(&mut self, frame: &Frame, camera: Option<Camera>) {
         let own = &mut self.frame;
         // The length of files varies. Room for the raw image is enough for all of them, so that later frames

@@ -96,8 +96,8 @@ struct Tally {
 }
 
 impl Ending {
-    /// Waits for the end of the file, within `timeout`. If the disk takes longer, it is abandoned, and frames that are not
-    /// known to be durable count as dropped.
+    /// Waits for the end of the file, within `timeout`. If the disk takes longer, it is abandoned, and frames
+    /// that are not known to be durable count as dropped.
     fn wait(self, timeout: &mut DrainTimeout<'_>) -> Tally {
         let Self { queue, path, durable, offered } = self;
         let what = format!("the recording `{}`", path.display());

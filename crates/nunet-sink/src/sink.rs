@@ -34,13 +34,14 @@ pub trait Sink: Send {
         true
     }
 
-    /// The counts of its messages, under the name of the output such as `ros2`, if it sends messages to other machines.
+    /// The counts of its messages, under the name of the output such as `ros2`, if it sends messages to other
+    /// machines.
     fn messages(&self) -> Option<(&'static str, MessageCounts)> {
         None
     }
 
-    /// Ends the stream; `last` are the results of the last frame. Like the other functions it must not block: pending
-    /// writes are left to the returned value.
+    /// Ends the stream; `last` are the results of the last frame. Like the other functions it must not block:
+    /// pending writes are left to the returned value.
     fn finish(self: Box<Self>, last: Option<&Results<'_>>) -> FinishingSink;
 }
 

@@ -7,7 +7,8 @@ use nunet_core::pipeline::FrameReport;
 use nunet_telemetry::{RateLimit, Stability, Totals};
 use tracing::warn;
 
-/// The share above which recent drift or flicker is too much; `None` for never. As text, a number of percent or `off`.
+/// The share above which recent drift or flicker is too much; `None` for never. As text, a number of percent
+/// or `off`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StabilityLimit(pub Option<f64>);
 
@@ -40,8 +41,8 @@ pub struct StabilityWarning {
 }
 
 impl StabilityWarning {
-    /// Adds a frame's drift and flicker to the totals of its stream. Warns if the recent ones have just risen above the
-    /// limit there.
+    /// Adds a frame's drift and flicker to the totals of its stream. Warns if the recent ones have just risen
+    /// above the limit there.
     pub fn check(&mut self, sequence: u64, report: &FrameReport, totals: &mut Totals) {
         totals.stability.add(
             report

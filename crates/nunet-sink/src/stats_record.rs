@@ -10,8 +10,8 @@ const PUBLISH: &str = "publish";
 /// The stage after the pipeline.
 const OBSTACLES: &str = "obstacles";
 
-/// The stages of a frame in the order of the header's and the statistics' times. `publish` is not in the header of
-/// the frame itself, which is written before it.
+/// The stages of a frame in the order of the header's and the statistics' times. `publish` is not in the
+/// header of the frame itself, which is written before it.
 pub fn stage_names(pipeline: &Pipeline, has_obstacles: bool) -> impl Iterator<Item = &str> {
     let inner = pipeline.stage_names().iter().map(String::as_str);
     let obstacles = has_obstacles.then_some(OBSTACLES);

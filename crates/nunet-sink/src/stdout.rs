@@ -13,8 +13,8 @@ use crate::error_kind::SinkErrorKind;
 pub struct StdoutError(#[from] io::Error);
 
 impl StdoutError {
-    /// [`SinkErrorKind::ClosedPipe`] if the reader has closed the pipe, as `head -1` does: that is the end of the
-    /// work, not a failure. Otherwise [`SinkErrorKind::System`].
+    /// [`SinkErrorKind::ClosedPipe`] if the reader has closed the pipe, as `head -1` does: that is the end of
+    /// the work, not a failure. Otherwise [`SinkErrorKind::System`].
     #[must_use]
     pub fn kind(&self) -> SinkErrorKind {
         match self.0.kind() {
@@ -34,7 +34,8 @@ pub fn print(results: impl Display) -> Result<(), StdoutError> {
     Ok(stdout.flush()?)
 }
 
-/// Stderr for one log line: names of files and topics in it cannot begin another one. The formatter writes each line at once.
+/// Stderr for one log line: names of files and topics in it cannot begin another one. The formatter writes
+/// each line at once.
 #[derive(Debug)]
 pub struct LogLine {
     /// The line has escape sequences for colors; the formatter has escaped those in its values.

@@ -1,5 +1,5 @@
-//! Results for the live view in the browser. The server is `nunet-view`; this sink copies frames for it while a client
-//! watches.
+//! Results for the live view in the browser. The server is `nunet-view`; this sink copies frames for it while
+//! a client watches.
 
 use std::sync::Arc;
 

@@ -1,8 +1,8 @@
 //! Recognizes 16-bit images that use only the lower bits.
 //!
-//! Drivers store 10 and 12 bits of a sensor in `mono16`, `bayer_*16` and PNG files without shifting them. As in ROS's
-//! `cv_bridge`, 65535 is white here, so such an image is almost black. It is not stretched by its own range,
-//! because that would change the brightness of the same wall from frame to frame.
+//! Drivers store 10 and 12 bits of a sensor in `mono16`, `bayer_*16` and PNG files without shifting them. As
+//! in ROS's `cv_bridge`, 65535 is white here, so such an image is almost black. It is not stretched by its
+//! own range, because that would change the brightness of the same wall from frame to frame.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -50,8 +50,8 @@ impl BitDepthCheck {
         }
     }
 
-    /// Whether the first image that is not black uses only the lower bits. `maximum` is the largest of its 16-bit
-    /// values, `None` for other images; `place` is the topic or file.
+    /// Whether the first image that is not black uses only the lower bits. `maximum` is the largest of its
+    /// 16-bit values, `None` for other images; `place` is the topic or file.
     pub fn find(
         &mut self,
         maximum: impl FnOnce() -> Option<u16>,

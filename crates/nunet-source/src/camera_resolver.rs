@@ -140,8 +140,9 @@ impl CameraResolver {
     /// As [`CameraResolver::camera_of`], for a stream of frames.
     ///
     /// # Errors
-    /// [`BadArguments`](crate::SourceErrorKind::BadArguments) if the camera that the user named does not fit the first frame:
-    /// it will not fit the next one either. [`BadFrame`](crate::SourceErrorKind::BadFrame) if it does not fit a later one.
+    /// [`BadArguments`](crate::SourceErrorKind::BadArguments) if the camera that the user named does not fit
+    /// the first frame: it will not fit the next one either. [`BadFrame`](crate::SourceErrorKind::BadFrame)
+    /// if it does not fit a later one.
     pub fn resolve(&mut self, frame: &Frame) -> Result<Option<Camera>, SourceError> {
         let camera = self.camera_of(frame).map_err(|error| {
             let wrong = if self.fits { SourceError::bad_frame } else { SourceError::bad_arguments };
@@ -152,11 +153,12 @@ impl CameraResolver {
         Ok(camera)
     }
 
-    /// Passes the camera and the size of the frame to the pipeline if they changed. Returns what a user should know, once.
+    /// Passes the camera and the size of the frame to the pipeline if they changed. Returns what a user
+    /// should know, once.
     ///
     /// # Errors
-    /// As [`CameraResolver::resolve`], or [`BadFrame`](crate::SourceErrorKind::BadFrame) if the camera does not fit the
-    /// network.
+    /// As [`CameraResolver::resolve`], or [`BadFrame`](crate::SourceErrorKind::BadFrame) if the camera does
+    /// not fit the network.
     pub fn update(&mut self, frame: &Frame, pipeline: &mut Pipeline) -> Result<CameraNews, SourceError> {
         let key = Key { size: frame.size, camera: frame.camera };
         if self.current == Some(key) {

@@ -9,8 +9,8 @@ use nunet_types::ImageSize;
 
 use crate::frame::Frame;
 
-/// The longest time between two consecutive frames. A robot at walking pace moves by its own length in that time. A
-/// camera that drops some frames stays far below it.
+/// The longest time between two consecutive frames. A robot at walking pace moves by its own length in that
+/// time. A camera that drops some frames stays far below it.
 const MAX_GAP_NANOS: i64 = 1_000_000_000;
 
 /// Compares each frame with the last one that the network processed.

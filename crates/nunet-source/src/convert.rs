@@ -24,7 +24,8 @@ impl Bayer {
 pub(crate) enum RawLayout {
     /// A layout that the pipeline reads.
     Direct(PixelFormat),
-    /// Channels of 8 or 16 bits (little-endian, of which the upper byte counts), of which the first ones are the format's.
+    /// Channels of 8 or 16 bits (little-endian, of which the upper byte counts), of which the first ones are
+    /// the format's.
     Channels { format: PixelFormat, channels: usize, bytes: usize },
     /// U, Y, V, Y.
     Uyvy,

@@ -67,8 +67,8 @@ pub struct Frame {
     pub frame_id: String,
     /// The camera that took it, at the image's size, if the source knows it.
     pub camera: Option<Camera>,
-    /// Roll and pitch of the robot's base that were used when the frame was recorded, radians; `None` if the source
-    /// is not a recording that has them.
+    /// Roll and pitch of the robot's base that were used when the frame was recorded, radians; `None` if the
+    /// source is not a recording that has them.
     pub roll_pitch_rad: Option<[f32; 2]>,
     /// Counts the stretches of a source that begins again: the first frame of a segment does not follow the
     /// last one of the segment before.

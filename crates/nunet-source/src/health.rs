@@ -8,7 +8,8 @@ const FIRST_WAIT: Duration = Duration::from_millis(200);
 /// time.
 const LONGEST_WAIT: Duration = Duration::from_secs(5);
 
-/// Whether images arrive. Only a good image makes a source healthy again: that it could be opened is not enough.
+/// Whether images arrive. Only a good image makes a source healthy again: that it could be opened is not
+/// enough.
 #[derive(Debug)]
 pub(crate) struct Health {
     wait: Duration,
@@ -23,7 +24,8 @@ impl Default for Health {
 }
 
 impl Health {
-    /// Records a failure and schedules the next retry. Returns whether to report it: once per reason, not per failure.
+    /// Records a failure and schedules the next retry. Returns whether to report it: once per reason, not per
+    /// failure.
     pub(crate) fn fails(&mut self, why: &str, now_nanos: i64) -> bool {
         self.due_nanos = now_nanos.saturating_add(self.wait.as_nanos() as i64);
         self.wait = (self.wait * 2).min(LONGEST_WAIT);

@@ -62,8 +62,8 @@ pub fn decode_file(frame: &mut Frame) -> Result<DecodedFile> {
     decode_file_or_mosaic(frame, None)
 }
 
-/// Decodes the file in the frame. One of a single channel is a mosaic with this pattern, and is not kept: programs that
-/// read it would show it in gray.
+/// Decodes the file in the frame. One of a single channel is a mosaic with this pattern, and is not kept:
+/// programs that read it would show it in gray.
 ///
 /// # Errors
 /// As [`decode`].
@@ -120,8 +120,8 @@ fn decode_bytes(file: &mut Vec<u8>, frame: &mut Frame, mosaic: Option<Bayer>) ->
     Ok(DecodedFile { orientation, maximum_16_bit })
 }
 
-/// Fills the frame from a mosaic. Returns false if the image has several channels: it had its colors when it was
-/// compressed.
+/// Fills the frame from a mosaic. Returns false if the image has several channels: it had its colors when it
+/// was compressed.
 fn demosaic(image: &DynamicImage, pattern: Bayer, frame: &mut Frame) -> bool {
     let (bytes, values): (usize, Cow<'_, [u8]>) = match image {
         DynamicImage::ImageLuma8(image) => (1, image.as_raw().into()),
@@ -243,7 +243,8 @@ fn format_of(file: &[u8]) -> Result<ImageFormat> {
     Err(SourceError::bad_frame(format!("{what}, expected JPEG or PNG")).with_hint(hint))
 }
 
-/// How many bytes are before the JPEG that does not begin with the file. Readers such as libjpeg refuse it too.
+/// How many bytes are before the JPEG that does not begin with the file. Readers such as libjpeg refuse it
+/// too.
 fn bytes_before_jpeg(file: &[u8]) -> Option<usize> {
     let start = &file[..file.len().min(MAGIC_BYTES as usize)];
     start.windows(jpeg::START.len()).position(|bytes| bytes == jpeg::START).filter(|&bytes| bytes > 0)

@@ -30,14 +30,15 @@ pub fn listed_files(path: &Path) -> Vec<PathBuf> {
     if path.is_dir() { vec![path.to_owned()] } else { list(path).unwrap_or_default() }
 }
 
-/// Whether a pattern such as `frames/*.png` would list a file at `path`, an absolute path, once it exists. Never for the name
-/// of a file or a folder.
+/// Whether a pattern such as `frames/*.png` would list a file at `path`, an absolute path, once it exists.
+/// Never for the name of a file or a folder.
 #[must_use]
 pub fn would_list(pattern: &Path, path: &Path) -> bool {
     if pattern.exists() {
         return false;
     }
-    // Of the pattern's folders, those without wildcards may be links, and may hold characters that look like wildcards.
+    // Of the pattern's folders, those without wildcards may be links, and may hold characters that look like
+    // wildcards.
     let is_plain = |folder: &&Path| folder.is_dir();
     let base = pattern.ancestors().find(is_plain).unwrap_or(Path::new(""));
     let wildcards = pattern.strip_prefix(base).unwrap_or(pattern);

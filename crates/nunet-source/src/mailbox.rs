@@ -92,8 +92,8 @@ impl<T: Reuse> Mailbox<T> {
         put
     }
 
-    /// Waits until there is room, then puts `item` in. It is refused as well if `given_up` returns true, which is called
-    /// while there is no room.
+    /// Waits until there is room, then puts `item` in. It is refused as well if `given_up` returns true,
+    /// which is called while there is no room.
     pub fn put_waiting(&self, item: T, given_up: impl Fn() -> bool) -> Put {
         let mut state = self.lock();
         while state.waiting.is_some() && !state.closed {
@@ -277,7 +277,8 @@ mod tests {
                 if taken.iter().all(|taken| *taken == Taken::Closed) {
                     break;
                 }
-                // An item may be followed by a close that was notified already, so wait only if there was nothing.
+                // An item may be followed by a close that was notified already, so wait only if there was
+                // nothing.
                 let before = received.len();
                 received.extend(taken.into_iter().filter_map(|taken| match taken {
                     Taken::Item(item) => Some(item),

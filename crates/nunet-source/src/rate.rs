@@ -48,8 +48,8 @@ impl Pacer {
         }
     }
 
-    /// How long to wait for the next frame. A source that fell behind by more than a frame skips what it missed
-    /// instead of catching up.
+    /// How long to wait for the next frame. A source that fell behind by more than a frame skips what it
+    /// missed instead of catching up.
     pub fn wait(&mut self, now: Instant) -> Duration {
         if now > self.due + self.period {
             self.due = now;

@@ -124,8 +124,8 @@ impl CameraCache {
         self.camera
     }
 
-    /// Logs what was not reported before. A description is no help: one with NaN differs from itself, and that of a camera
-    /// with autofocus changes with every image.
+    /// Logs what was not reported before. A description is no help: one with NaN differs from itself, and
+    /// that of a camera with autofocus changes with every image.
     fn report(&mut self, topic: &str, note: String) {
         if self.reported.len() < MAX_REPORTS && !self.reported.contains(&note) {
             warn!("the camera of topic `{topic}`: {note}");

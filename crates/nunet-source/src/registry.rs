@@ -108,8 +108,8 @@ impl SourceName {
         self.kind.files(&self.name)
     }
 
-    /// Whether a file at `path`, an absolute path, would be a part of the source once it is written: the next run would
-    /// read it too.
+    /// Whether a file at `path`, an absolute path, would be a part of the source once it is written: the next
+    /// run would read it too.
     #[must_use]
     pub fn would_read(&self, path: &Path) -> bool {
         self.kind.would_read(&self.name, path)
@@ -160,15 +160,15 @@ impl SourceName {
     /// Opens the source.
     ///
     /// # Errors
-    /// Nothing of that name, no images in a folder or a recording, an invalid glob, a camera that cannot be used, options for
-    /// another kind of source.
+    /// Nothing of that name, no images in a folder or a recording, an invalid glob, a camera that cannot be
+    /// used, options for another kind of source.
     pub fn open(&self, options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError> {
         self.check(&options)?;
         Ok(rotated(self.kind.open(&self.name, options)?, options.rotation))
     }
 
-    /// Checks the source without reading from it: a camera may be in use, data read from a pipe is lost, and a
-    /// live topic is on the network. The returned source has no frames then.
+    /// Checks the source without reading from it: a camera may be in use, data read from a pipe is lost, and
+    /// a live topic is on the network. The returned source has no frames then.
     ///
     /// # Errors
     /// Those of [`open`](Self::open).

@@ -31,9 +31,9 @@ const DISCOVERY_PERIOD: Duration = Duration::from_millis(200);
 /// How long the first images are dropped while their camera has a publisher and is not described yet: drivers
 /// send both together, in any order.
 const CAMERA_GRACE: Duration = Duration::from_secs(1);
-/// The longest time that a subscriber without publishers is kept before one of another type takes its place. The first is
-/// kept for [`DISCOVERY_PERIOD`], each further one twice as long as the last: publishers that were killed may be listed
-/// for a minute, and two of different types would take turns five times per second.
+/// The longest time that a subscriber without publishers is kept before one of another type takes its place.
+/// The first is kept for [`DISCOVERY_PERIOD`], each further one twice as long as the last: publishers that
+/// were killed may be listed for a minute, and two of different types would take turns five times per second.
 const MAX_TYPE_PERIOD: Duration = Duration::from_secs(10);
 /// The node to which the subscribers belong.
 const NODE: &str = "nunetd_source";

@@ -8,7 +8,8 @@ use crate::source::{Fill, Source};
 pub struct Rotated<S> {
     source: S,
     rotator: Option<Rotator>,
-    /// Whether the last frame was in memory of another process. Such a source does not use the frame's own memory.
+    /// Whether the last frame was in memory of another process. Such a source does not use the frame's own
+    /// memory.
     is_lent: bool,
 }
 

@@ -70,7 +70,8 @@ impl Rotation {
         oriented_camera(camera, orientation)
     }
 
-    /// Writes rows of pixels rotated into `out`, which holds exactly as many. `row` gives the pixels of a row.
+    /// Writes rows of pixels rotated into `out`, which holds exactly as many. `row` gives the pixels of a
+    /// row.
     fn write<'a, T: Copy + 'a>(self, size: ImageSize, row: impl Fn(usize) -> &'a [T], out: &mut [T]) {
         let (width, height) = (size.width as usize, size.height as usize);
         let place = |x: usize, y: usize| match self {
@@ -144,8 +145,9 @@ impl Rotator {
         self.spare = memory;
     }
 
-    /// Rotates the image of a frame and its camera. An image that shares color between pixels becomes RGB. A file does not
-    /// stay in the frame, because readers would not rotate it. A camera that cannot be rotated is reported once and removed.
+    /// Rotates the image of a frame and its camera. An image that shares color between pixels becomes RGB. A
+    /// file does not stay in the frame, because readers would not rotate it. A camera that cannot be rotated
+    /// is reported once and removed.
     ///
     /// # Errors
     /// The frame's size, stride and bytes contradict each other.

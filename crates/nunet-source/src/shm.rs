@@ -17,7 +17,8 @@ use crate::source::Fused;
 use crate::source_type::{Properties, SourceType};
 use crate::{CaptureTime, Fill, Frame, OpenOptions, Pixels, Source};
 
-/// How long one call may wait, so that a stop is noticed. Also how often it looks for a publisher that does not exist.
+/// How long one call may wait, so that a stop is noticed. Also how often it looks for a publisher that does
+/// not exist.
 const POLL_TIMEOUT: Duration = Duration::from_millis(100);
 /// Another process publishes frames in shared memory under a camera's name.
 pub(crate) struct SharedMemoryCamera;
@@ -99,7 +100,8 @@ impl SharedMemory {
         Ok(self.reader.as_ref())
     }
 
-    /// Drops a connection that failed; it does not recover by itself. No frame is lost by it. The next attempt is later.
+    /// Drops a connection that failed; it does not recover by itself. No frame is lost by it. The next
+    /// attempt is later.
     fn reconnect(&mut self, reason: &str) {
         self.reader = None;
         self.remind(reason);

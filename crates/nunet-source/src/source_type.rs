@@ -62,7 +62,8 @@ pub struct Properties {
     pub is_on_network: bool,
     /// Whether its frames are in shared memory already, where `feed` would publish them.
     pub is_published: bool,
-    /// Whether its images state their coordinate frame. Their publisher also publishes the transform of that frame.
+    /// Whether its images state their coordinate frame. Their publisher also publishes the transform of that
+    /// frame.
     pub states_frame_id: bool,
     /// Whether it can contain the attitude of the robot.
     pub has_attitude: bool,

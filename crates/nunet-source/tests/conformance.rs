@@ -353,7 +353,8 @@ fn a_live_message_keeps_its_stamp_and_its_coordinate_frame() {
     }
 }
 
-/// Each round sends more messages than wait for the source. On a busy machine, some may arrive while it takes others.
+/// Each round sends more messages than wait for the source. On a busy machine, some may arrive while it takes
+/// others.
 #[cfg(all(feature = "ros2-dds", feature = "ros2-zenoh"))]
 #[test]
 fn live_messages_that_newer_ones_replace_are_superseded() {

@@ -12,8 +12,9 @@
 //! | [`DrainTimeout`] | how long a shutdown waits for pending writes |
 //! | [`RateLimit`] | how many messages of a kind were logged lately |
 //!
-//! [`Metrics`] writes counts and latencies for Prometheus, [`Supervisor`] feeds the watchdog of a service manager.
-//! This crate does not depend on networks, shared memory or the command line, and sends nothing: Prometheus polls it.
+//! [`Metrics`] writes counts and latencies for Prometheus, [`Supervisor`] feeds the watchdog of a service
+//! manager. This crate does not depend on networks, shared memory or the command line, and sends nothing:
+//! Prometheus polls it.
 //!
 //! # Example: the counts and latencies of two frames
 //! ```

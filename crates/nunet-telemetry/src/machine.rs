@@ -22,8 +22,8 @@ pub fn peak_rss_mb() -> Option<f64> {
     Some(kib * 1024.0 / 1e6)
 }
 
-/// Whether a signal was ignored when this process started, as under `nohup`, and stays ignored. Read from the kernel's
-/// table, because querying the handler takes unsafe code.
+/// Whether a signal was ignored when this process started, as under `nohup`, and stays ignored. Read from the
+/// kernel's table, because querying the handler takes unsafe code.
 #[must_use]
 pub fn is_signal_ignored(signal: i32) -> bool {
     field("/proc/self/status", "SigIgn").is_some_and(|mask| has_signal(&mask, signal))

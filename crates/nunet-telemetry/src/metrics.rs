@@ -1,4 +1,5 @@
-//! Frame counts and latencies for Prometheus. The library `prometheus-client` counts and writes the text format.
+//! Frame counts and latencies for Prometheus. The library `prometheus-client` counts and writes the text
+//! format.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};

@@ -46,8 +46,8 @@ impl RateLimit {
         Some(Suppressed(std::mem::take(&mut self.suppressed)))
     }
 
-    /// As [`Self::allow`], but a message that says the same as the last one is logged once per period: "message 7 on topic
-    /// `/a`: unknown encoding" for each message of a recording.
+    /// As [`Self::allow`], but a message that says the same as the last one is logged once per period:
+    /// "message 7 on topic `/a`: unknown encoding" for each message of a recording.
     pub fn allow_text(&mut self, now: Instant, text: &str) -> Option<Suppressed> {
         let meaning = meaning(text);
         let repeats = self.last.is_some_and(|(last, at)| last == meaning && now.duration_since(at) < PERIOD);

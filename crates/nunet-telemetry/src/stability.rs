@@ -31,7 +31,8 @@ pub struct Stability {
 /// The stability of a whole stream.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct StabilitySummary {
-    /// Frames whose image did not change, so that their depth could be compared with that of the frame before.
+    /// Frames whose image did not change, so that their depth could be compared with that of the frame
+    /// before.
     pub frames: u64,
     /// Mean over these frames; `null` without any.
     pub drift: Option<f64>,
@@ -47,8 +48,8 @@ impl StabilityTotals {
         self.limit = limit;
     }
 
-    /// Adds a frame: its drift and flicker, `None` if they are unknown, which starts the recent values again. So do values that
-    /// are not finite: one of them would remain in all later means.
+    /// Adds a frame: its drift and flicker, `None` if they are unknown, which starts the recent values again.
+    /// So do values that are not finite: one of them would remain in all later means.
     pub fn add(&mut self, change: Option<Stability>) {
         let is_finite = |change: &Stability| change.drift.is_finite() && change.flicker.is_finite();
         let Some(Stability { drift, flicker }) = change.filter(is_finite) else {

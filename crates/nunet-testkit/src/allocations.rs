@@ -10,8 +10,8 @@ thread_local! {
     static LARGEST: Cell<usize> = const { Cell::new(0) };
 }
 
-/// The system's allocator with a counter. A test binary installs it with `#[global_allocator]`. Allocations of C and C++
-/// libraries are not counted.
+/// The system's allocator with a counter. A test binary installs it with `#[global_allocator]`. Allocations
+/// of C and C++ libraries are not counted.
 #[derive(Debug)]
 pub struct CountingAllocator;
 
@@ -22,16 +22,16 @@ pub fn allocations_during(work: impl FnOnce()) -> u64 {
     COUNT.get() - before
 }
 
-/// Bytes of the largest single allocation of the calling thread while `work` runs; 0 where [`CountingAllocator`] is not
-/// installed.
+/// Bytes of the largest single allocation of the calling thread while `work` runs; 0 where
+/// [`CountingAllocator`] is not installed.
 pub fn largest_allocation_during(work: impl FnOnce()) -> usize {
     LARGEST.set(0);
     work();
     LARGEST.get()
 }
 
-// SAFETY: every call is passed on unchanged to the system's allocator, which keeps the trait's promises. The other
-// methods of the trait end in these two.
+// SAFETY: every call is passed on unchanged to the system's allocator, which keeps the trait's promises. The
+// other methods of the trait end in these two.
 unsafe impl GlobalAlloc for CountingAllocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         COUNT.set(COUNT.get() + 1);

@@ -1,7 +1,7 @@
 //! Shared by the tests of several crates: small ONNX files built in memory, and the path of ONNX Runtime.
 //!
-//! [`allocations`] counts heap allocations of a thread; [`hostile`] damages files; [`onnx`] builds ONNX files; [`models`] has
-//! networks whose results can be computed by hand.
+//! [`allocations`] counts heap allocations of a thread; [`hostile`] damages files; [`onnx`] builds ONNX
+//! files; [`models`] has networks whose results can be computed by hand.
 
 pub mod allocations;
 pub mod cases;
@@ -13,7 +13,8 @@ pub mod onnx;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::PathBuf;
 
-/// The ONNX Runtime that tests load: `ORT_DYLIB_PATH`, else the copy in the cache that `cargo xtask setup` fills.
+/// The ONNX Runtime that tests load: `ORT_DYLIB_PATH`, else the copy in the cache that `cargo xtask setup`
+/// fills.
 ///
 /// # Panics
 /// If there is none. A missing fixture fails a test; it is never skipped.
@@ -28,8 +29,8 @@ pub fn runtime_library() -> PathBuf {
     library
 }
 
-/// A root of iceoryx2's files for tests, one per user: `/tmp/iceoryx2` may belong to another user, who then alone can use it.
-/// Pass it to `nunet_ipc::use_root` before anything else of nunet-ipc.
+/// A root of iceoryx2's files for tests, one per user: `/tmp/iceoryx2` may belong to another user, who then
+/// alone can use it. Pass it to `nunet_ipc::use_root` before anything else of nunet-ipc.
 #[must_use]
 pub fn ipc_root() -> PathBuf {
     let user = std::fs::metadata("/proc/self").map_or(0, |process| process.uid());

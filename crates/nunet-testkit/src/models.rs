@@ -81,8 +81,8 @@ pub fn segmentation_stage(size: impl Into<ImageSize>) -> ModelBuilder {
     segmentation_labels(model, "logits", size)
 }
 
-/// The second stage of a W-Net: `features` `[1, 3, H, W]`, and `rgb` where connected, to `depth`. It carries the
-/// metadata of the whole graph.
+/// The second stage of a W-Net: `features` `[1, 3, H, W]`, and `rgb` where connected, to `depth`. It carries
+/// the metadata of the whole graph.
 #[must_use]
 pub fn depth_stage(size: impl Into<ImageSize>, connected: bool) -> ModelBuilder {
     let size = size.into();
@@ -117,8 +117,8 @@ pub fn refine_stage(size: impl Into<ImageSize>, connected: bool) -> ModelBuilder
     describe(model.output("depth", OnnxElement::F32, &planes(1, size)), "nunet3_c", true)
 }
 
-/// The `nunet.state` of [`trail_stage`] and [`remembering`]: `trail` `[1, 1, H, W]`, and `count` `[1]`, the frames
-/// since it began.
+/// The `nunet.state` of [`trail_stage`] and [`remembering`]: `trail` `[1, 1, H, W]`, and `count` `[1]`, the
+/// frames since it began.
 #[must_use]
 pub fn trail_state(size: impl Into<ImageSize>) -> String {
     let ImageSize { width, height } = size.into();
@@ -154,7 +154,8 @@ pub fn trail_stage(size: impl Into<ImageSize>) -> ModelBuilder {
     trail(image_planes(size), size)
 }
 
-/// Adds an output that cannot be computed, so that the run fails, where the first number of `value` is 4 or more.
+/// Adds an output that cannot be computed, so that the run fails, where the first number of `value` is 4 or
+/// more.
 #[must_use]
 pub fn fragile(model: ModelBuilder, value: &str) -> ModelBuilder {
     model

@@ -30,8 +30,8 @@ impl DistortionModel {
     }
 }
 
-/// A camera's intrinsics and lens as plain numbers, at one image size. The numbers are unchecked: the crate that computes with
-/// a camera does that.
+/// A camera's intrinsics and lens as plain numbers, at one image size. The numbers are unchecked: the crate
+/// that computes with a camera does that.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraInfo {
     /// The image size that the other fields hold for.

@@ -8,8 +8,8 @@ pub const NO_LABEL: u8 = 255;
 contract_struct! {
     /// One point of a cloud, in the camera's optical frame: x right, y down, z forward.
     ///
-    /// The same bytes are a ROS `PointCloud2` with fields `x y z` `FLOAT32`, `rgb` `FLOAT32` at 12, `label` `UINT8`
-    /// at 15.
+    /// The same bytes are a ROS `PointCloud2` with fields `x y z` `FLOAT32`, `rgb` `FLOAT32` at 12, `label`
+    /// `UINT8` at 15.
     CloudPoint, 16 bytes {
         /// Meters to the right; NaN where depth has no measurement.
         pub x: f32,

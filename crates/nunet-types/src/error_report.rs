@@ -16,7 +16,8 @@ pub fn hint_of<E: Error + Hint + 'static>(error: &(dyn Error + 'static)) -> Opti
     flag_hint(error.downcast_ref::<E>()?)
 }
 
-/// A library's hint, completed by the flag of the setting that it is about: `name one of the topics (--topic)`.
+/// A library's hint, completed by the flag of the setting that it is about:
+/// `name one of the topics (--topic)`.
 #[must_use]
 pub fn flag_hint(error: &impl Hint) -> Option<Cow<'static, str>> {
     let hint = error.hint()?;

@@ -7,15 +7,16 @@ use std::io;
 
 /// An error that can say what to do about it.
 ///
-/// Front ends (the command line, Python, C) print the hint on a line of its own after the error. `Display` of an error
-/// never contains its hint, and a library's hint names no command line flag: the front end knows those.
+/// Front ends (the command line, Python, C) print the hint on a line of its own after the error. `Display` of
+/// an error never contains its hint, and a library's hint names no command line flag: the front end knows
+/// those.
 pub trait Hint {
-    /// One imperative sentence, lower case, without a full stop: ``pass a size of 640x480``. `None` if there is nothing
-    /// that a user could do.
+    /// One imperative sentence, lower case, without a full stop: ``pass a size of 640x480``. `None` if there
+    /// is nothing that a user could do.
     fn hint(&self) -> Option<Cow<'static, str>>;
 
-    /// The setting that the hint is about, as the configuration file names it: `topic`. Front ends add how they spell it:
-    /// the command line `--topic`.
+    /// The setting that the hint is about, as the configuration file names it: `topic`. Front ends add how
+    /// they spell it: the command line `--topic`.
     fn setting(&self) -> Option<&'static str> {
         None
     }
@@ -55,14 +56,15 @@ pub fn text_with_causes(error: &dyn Error) -> String {
 /// Between a text and its hint, where both must be one text.
 const HINT_MARK: &str = "\nhint: ";
 
-/// A text and its hint in one text, for front ends that have no separate place for the hint: it is a last line that begins
-/// with `hint: `.
+/// A text and its hint in one text, for front ends that have no separate place for the hint: it is a last
+/// line that begins with `hint: `.
 #[must_use]
 pub fn join_hint(text: impl Display, hint: impl Display) -> String {
     format!("{text}{HINT_MARK}{hint}")
 }
 
-/// A text and its hints, if it came through an interface that carries one text only. Several hints are one per line.
+/// A text and its hints, if it came through an interface that carries one text only. Several hints are one
+/// per line.
 #[must_use]
 pub fn split_hint(text: &str) -> (&str, Option<String>) {
     match text.split_once(HINT_MARK) {

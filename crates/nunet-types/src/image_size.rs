@@ -6,8 +6,8 @@ use std::str::FromStr;
 
 use crate::error_kind::TypesErrorKind;
 
-/// The longest side of an image that is accepted, in pixels: larger than any camera's, and small enough that no size
-/// computed from it overflows.
+/// The longest side of an image that is accepted, in pixels: larger than any camera's, and small enough that
+/// no size computed from it overflows.
 pub const MAX_SIDE_PX: u32 = 32_768;
 
 /// Width and height of an image, in pixels. Displayed and parsed as `640x480`.

@@ -1,4 +1,5 @@
-//! Structs whose byte layout is fixed, with a table of their fields: what other languages and `contract --json` use.
+//! Structs whose byte layout is fixed, with a table of their fields: what other languages and
+//! `contract --json` use.
 
 // For the macro, in crates that do not depend on it themselves.
 #[doc(hidden)]
@@ -50,9 +51,11 @@ impl<T: FieldType, const N: usize> FieldType for [T; N] {
     const COUNT: usize = N * T::COUNT;
 }
 
-/// Declares a `repr(C)` struct of plain data together with its table of fields, so that the two cannot differ.
+/// Declares a `repr(C)` struct of plain data together with its table of fields, so that the two cannot
+/// differ.
 ///
-/// It does not compile when the struct is not exactly as long as stated, or when the compiler would insert padding.
+/// It does not compile when the struct is not exactly as long as stated, or when the compiler would insert
+/// padding.
 ///
 /// # Example: a record of 12 bytes
 /// ```
@@ -65,7 +68,8 @@ impl<T: FieldType, const N: usize> FieldType for [T; N] {
 ///         pub values: [f32; 2],
 ///     }
 /// }
-/// assert_eq!((Reading::FIELDS[1].name, Reading::FIELDS[1].offset, Reading::FIELDS[1].count), ("values", 4, 2));
+/// let field = &Reading::FIELDS[1];
+/// assert_eq!((field.name, field.offset, field.count), ("values", 4, 2));
 /// ```
 #[macro_export]
 macro_rules! contract_struct {

@@ -13,7 +13,8 @@ pub const MAX_OBSTACLE_POINTS: usize = 5000;
 vocabulary! {
     /// What ends the free space in one direction.
     SectorState as "sector_state" {
-        /// Not known: floor not visible, no valid depth, outside the view, glass, mirror or screen. Never free.
+        /// Not known: floor not visible, no valid depth, outside the view, glass, mirror or screen. Never
+        /// free.
         Unknown = 0 "unknown",
         /// Nothing: the floor is seen and empty up to `range_m`.
         Free = 1 "free",
@@ -29,8 +30,8 @@ contract_struct! {
     ///
     /// All zero means unknown.
     ObstacleSector, 32 bytes {
-        /// Meters from the base's origin up to which the direction is free; what is there is `state`. Nearer than
-        /// `seen_from_m` nothing was seen.
+        /// Meters from the base's origin up to which the direction is free; what is there is `state`. Nearer
+        /// than `seen_from_m` nothing was seen.
         pub range_m: f32,
         /// Meters to the nearest obstacle, also where `state` is another; NaN if none was seen.
         pub obstacle_m: f32,
@@ -72,15 +73,16 @@ impl ObstacleSector {
         reserved: [0; 2],
     };
 
-    /// How far a scan of these sectors says that a direction is free: floor that was searched up to `max_range_m` is seen
-    /// at least so far, because the farthest cell of floor begins before it.
+    /// How far a scan of these sectors says that a direction is free: floor that was searched up to
+    /// `max_range_m` is seen at least so far, because the farthest cell of floor begins before it.
     #[must_use]
     pub fn scan_range_m(max_range_m: f32) -> f32 {
         0.9 * max_range_m
     }
 
-    /// The sector as a beam of a scan: the distance of its obstacle or drop; infinity if it is free up to `range_m`, which
-    /// consumers clear; otherwise NaN. Remembered obstacles are NaN too: a scan cannot say that they are old.
+    /// The sector as a beam of a scan: the distance of its obstacle or drop; infinity if it is free up to
+    /// `range_m`, which consumers clear; otherwise NaN. Remembered obstacles are NaN too: a scan cannot say
+    /// that they are old.
     #[must_use]
     pub fn beam_m(&self, range_m: f32) -> f32 {
         match self.state() {
@@ -101,8 +103,8 @@ impl ObstacleSector {
 contract_struct! {
     /// A point of an obstacle, in the leveled base frame: x forward, y left, z up, origin on the floor.
     ///
-    /// The same bytes are a ROS `PointCloud2` with fields `x y z height` `FLOAT32`, `label` `UINT8` at 16, `confidence`
-    /// `UINT8` at 17.
+    /// The same bytes are a ROS `PointCloud2` with fields `x y z height` `FLOAT32`, `label` `UINT8` at 16,
+    /// `confidence` `UINT8` at 17.
     ObstaclePoint, 20 bytes {
         /// Meters forward.
         pub x: f32,

@@ -13,8 +13,8 @@ vocabulary! {
         Mono8 = 2 "mono8",
         /// 4 bytes for 2 pixels: Y0 U Y1 V, BT.601 limited range. A last odd pixel takes 4 bytes too.
         Yuyv = 3 "yuyv",
-        /// A plane of Y, then a plane of U V pairs for each 2x2 pixels, BT.601 limited range. Both planes have the
-        /// same stride; odd sides round up in the second plane.
+        /// A plane of Y, then a plane of U V pairs for each 2x2 pixels, BT.601 limited range. Both planes
+        /// have the same stride; odd sides round up in the second plane.
         Nv12 = 4 "nv12",
     }
 }

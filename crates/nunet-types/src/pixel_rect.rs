@@ -24,8 +24,8 @@ impl PixelRect {
         Self { x: 0, y: 0, width, height }
     }
 
-    /// The largest part of `image` with the aspect ratio of `shape`, rounded to whole pixels and at least one pixel wide and
-    /// high. It is in the center, or half a pixel left of it or above it. No side is 0.
+    /// The largest part of `image` with the aspect ratio of `shape`, rounded to whole pixels and at least one
+    /// pixel wide and high. It is in the center, or half a pixel left of it or above it. No side is 0.
     #[must_use]
     pub fn centered(image: ImageSize, shape: ImageSize) -> Self {
         let fitted = |side: u32, numerator: u32, denominator: u32, limit: u32| {

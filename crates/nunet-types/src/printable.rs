@@ -1,16 +1,18 @@
-//! Control characters in names of files and topics: they would break lines of a log, move a terminal's cursor, or look like
-//! another message.
+//! Control characters in names of files and topics: they would break lines of a log, move a terminal's
+//! cursor, or look like another message.
 
 use std::borrow::Cow;
 
 /// What indents the later lines of a message.
 const INDENT: &str = "    ";
 
-/// A message for a terminal or an exception. From the first backtick to the last one every control character is escaped, as
-/// in `a\nb`: names are between backticks, and one that contains backticks itself cannot end before the last. Elsewhere line
-/// ends and tabs remain, because a message may have several lines, such as those of a parser.
+/// A message for a terminal or an exception. From the first backtick to the last one every control character
+/// is escaped, as in `a\nb`: names are between backticks, and one that contains backticks itself cannot end
+/// before the last. Elsewhere line ends and tabs remain, because a message may have several lines, such as
+/// those of a parser.
 ///
-/// All lines but the first are indented by at least two spaces, so that they cannot look like another message.
+/// All lines but the first are indented by at least two spaces, so that they cannot look like another
+/// message.
 #[must_use]
 pub fn message(text: &str) -> Cow<'_, str> {
     let names = text.find('`').unwrap_or(text.len())..text.rfind('`').unwrap_or_default();
@@ -44,8 +46,8 @@ pub fn with_later_lines_as_list(text: &str) -> String {
     if rest.is_empty() { first.to_owned() } else { format!("{first} {rest}") }
 }
 
-/// A text with each occurrence of `parts` on one line, their control characters escaped. For the message of a library that
-/// quotes arguments unchanged.
+/// A text with each occurrence of `parts` on one line, their control characters escaped. For the message of a
+/// library that quotes arguments unchanged.
 #[must_use]
 pub fn with_parts_on_one_line<'a>(text: &str, parts: impl IntoIterator<Item = &'a str>) -> String {
     let mut text = text.to_owned();
@@ -79,7 +81,8 @@ fn escaped(text: &str, matters: impl Fn(usize, char) -> bool) -> Cow<'_, str> {
     escaped.into()
 }
 
-/// Also separators of lines and marks that change the direction of writing, which make a text look like another one.
+/// Also separators of lines and marks that change the direction of writing, which make a text look like
+/// another one.
 fn is_control(c: char) -> bool {
     c.is_control() || matches!(c, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }

@@ -6,8 +6,8 @@ use std::fmt;
 use crate::error_kind::TypesErrorKind;
 use crate::image_size::ImageSize;
 
-/// The part of its sensor that a camera delivers: `binning_x`, `binning_y` and `roi` of ROS's `sensor_msgs/CameraInfo`.
-/// Zeros mean the whole sensor and no binning.
+/// The part of its sensor that a camera delivers: `binning_x`, `binning_y` and `roi` of ROS's
+/// `sensor_msgs/CameraInfo`. Zeros mean the whole sensor and no binning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SensorRegion {
     /// The first column, pixels of the sensor.
@@ -25,10 +25,11 @@ pub struct SensorRegion {
 }
 
 impl SensorRegion {
-    /// From `[fx, skew, cx, fy, cy]` of the whole sensor of `size` to the size and the same numbers of the images.
+    /// From `[fx, skew, cx, fy, cy]` of the whole sensor of `size` to the size and the same numbers of the
+    /// images.
     ///
-    /// The middle of a block of pixels becomes the middle of a pixel. (ROS's `image_geometry` only divides, which is off by
-    /// less than half a pixel.)
+    /// The middle of a block of pixels becomes the middle of a pixel. (ROS's `image_geometry` only divides,
+    /// which is off by less than half a pixel.)
     ///
     /// # Errors
     /// A region that is not within the sensor.

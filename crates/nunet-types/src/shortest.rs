@@ -5,8 +5,8 @@ use std::io::Write as _;
 /// The longest text is `-1.17549435e-38`.
 const MAX_TEXT_BYTES: usize = 16;
 
-/// The number with the shortest text that means `value`: 0.05 and not 0.05000000074505806. For everything that prints an
-/// `f64`, such as JSON: a mere conversion adds digits that nobody wrote.
+/// The number with the shortest text that means `value`: 0.05 and not 0.05000000074505806. For everything
+/// that prints an `f64`, such as JSON: a mere conversion adds digits that nobody wrote.
 ///
 /// Allocates nothing.
 #[must_use]

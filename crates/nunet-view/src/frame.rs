@@ -55,16 +55,17 @@ pub const WHOLE_IMAGE: [f32; 4] = [0.0, 0.0, 1.0, 1.0];
 
 /// The directions that a camera's pixels see, on a coarse grid: viewers interpolate between its nodes.
 ///
-/// The grid is the depth map scaled down to `columns` x `rows` pixels: node `(i, j)` is the ray at the depth map's
-/// `((i + 0.5) * width / columns - 0.5, (j + 0.5) * height / rows - 0.5)`. For a pinhole camera, interpolation is exact.
+/// The grid is the depth map scaled down to `columns` x `rows` pixels: node `(i, j)` is the ray at the depth
+/// map's `((i + 0.5) * width / columns - 0.5, (j + 0.5) * height / rows - 0.5)`. For a pinhole camera,
+/// interpolation is exact.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RayGrid {
     /// Nodes per row.
     pub columns: u32,
     /// Rows of nodes.
     pub rows: u32,
-    /// `[rows][columns]` points `[x / z, y / z]` in the camera's optical frame (x right, y down, z forward); NaN where the
-    /// lens model defines no ray.
+    /// `[rows][columns]` points `[x / z, y / z]` in the camera's optical frame (x right, y down, z forward);
+    /// NaN where the lens model defines no ray.
     pub rays: Vec<[f32; 2]>,
 }
 
@@ -84,8 +85,8 @@ pub(crate) enum Encoded {
 }
 
 impl ViewFrame {
-    /// Copies the image: rows from the top, `row_stride` bytes apart. An image with fewer bytes than its size needs, or
-    /// with a side of 0 or of more than [`nunet_types::MAX_SIDE_PX`], counts as no image.
+    /// Copies the image: rows from the top, `row_stride` bytes apart. An image with fewer bytes than its size
+    /// needs, or with a side of 0 or of more than [`nunet_types::MAX_SIDE_PX`], counts as no image.
     pub fn set_image(&mut self, bytes: &[u8], size: ImageSize, row_stride: u32, format: PixelFormat) {
         let needed = format.byte_len(size.width, size.height, row_stride);
         let is_image = size.check().is_ok() && row_stride >= format.min_stride(size.width);
@@ -96,8 +97,8 @@ impl ViewFrame {
         });
     }
 
-    /// Copies the depth map, `[height, width]`, NaN = no measurement. One with another number of values than its size has
-    /// pixels counts as no depth.
+    /// Copies the depth map, `[height, width]`, NaN = no measurement. One with another number of values than
+    /// its size has pixels counts as no depth.
     pub fn set_depth(&mut self, depth: &[f32], info: DepthInfo) {
         let is_map = info.size.check().is_ok() && depth.len() == info.size.pixel_count();
         self.depth = is_map.then(|| {
@@ -107,14 +108,14 @@ impl ViewFrame {
         });
     }
 
-    /// Copies the labels, `[height, width]` class indices at the size of depth; set depth first. Labels of another number
-    /// count as none.
+    /// Copies the labels, `[height, width]` class indices at the size of depth; set depth first. Labels of
+    /// another number count as none.
     pub fn set_labels(&mut self, labels: &[u8]) {
         copy_map(labels, self.depth, &mut self.labels);
     }
 
-    /// Copies the confidence, `[height, width]` at the size of depth, 255 = certain; set depth first. Values of another
-    /// number count as none.
+    /// Copies the confidence, `[height, width]` at the size of depth, 255 = certain; set depth first. Values
+    /// of another number count as none.
     pub fn set_confidence(&mut self, confidence: &[u8]) {
         copy_map(confidence, self.depth, &mut self.confidence);
     }

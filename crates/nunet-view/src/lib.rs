@@ -1,7 +1,7 @@
 //! Image, depth, labels, confidence, cloud and obstacles live in the browser.
 //!
-//! [`ViewServer`] serves one page and the same results for programs. It is independent of nunetd: a program with frames
-//! opens it, adds a camera, and copies frames into it while a viewer wants them.
+//! [`ViewServer`] serves one page and the same results for programs. It is independent of nunetd: a program
+//! with frames opens it, adds a camera, and copies frames into it while a viewer wants them.
 //!
 //! | path | content |
 //! |---|---|
@@ -15,13 +15,14 @@
 //!
 //! Three rules keep viewers from disturbing the producer:
 //!
-//! - **No work without a viewer.** [`CameraFeed::is_wanted`] is false while no client waits for a frame, and images are encoded
-//!   only when they are sent. One frame per second is kept for clients that come later.
-//! - **Newest wins.** Each client has one slot. A client that is slow or stalled skips frames and holds one frame at most.
+//! - **No work without a viewer.** [`CameraFeed::is_wanted`] is false while no client waits for a frame, and
+//!   images are encoded only when they are sent. One frame per second is kept for clients that come later.
+//! - **Newest wins.** Each client has one slot. A client that is slow or stalled skips frames and holds one
+//!   frame at most.
 //! - **One thread.** All clients are served, and all images encoded, on the server's own thread.
 //!
-//! Without a token the server listens on loopback addresses only. It serves plain HTTP: use a tunnel or a proxy with TLS on
-//! networks that you do not trust.
+//! Without a token the server listens on loopback addresses only. It serves plain HTTP: use a tunnel or a
+//! proxy with TLS on networks that you do not trust.
 //!
 //! # Example: one frame of a camera
 //! ```
@@ -32,7 +33,8 @@
 //! let mut feed = server.add_camera("front", &["floor".to_owned(), "wall".to_owned()]);
 //! if feed.is_wanted() {
 //!     let size = ImageSize::new(2, 2);
-//!     let depth = DepthInfo { size, units: Units::Metre, scale_source: ScaleSource::Metric, view: [0.0, 0.0, 1.0, 1.0] };
+//!     let (units, scale_source) = (Units::Metre, ScaleSource::Metric);
+//!     let depth = DepthInfo { size, units, scale_source, view: [0.0, 0.0, 1.0, 1.0] };
 //!     feed.offer(|frame| {
 //!         frame.set_image(&[0, 64, 128, 255], size, 2, PixelFormat::Mono8);
 //!         frame.set_depth(&[1.0, 1.5, 2.0, f32::NAN], depth);

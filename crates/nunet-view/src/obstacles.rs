@@ -5,7 +5,8 @@ use nunet_types::ObstacleMap;
 /// More points than this are not distinguishable in a small view from above; of more, every n-th is sent.
 const MAX_POINTS: usize = 500;
 
-/// Appends the section `obstacles` to `bytes`: counts and angles (16 bytes), sectors (8 bytes each), points (8 bytes each).
+/// Appends the section `obstacles` to `bytes`: counts and angles (16 bytes), sectors (8 bytes each), points
+/// (8 bytes each).
 pub(crate) fn pack_obstacles(map: &ObstacleMap<'_>, bytes: &mut Vec<u8>) {
     let stride = map.points.len().div_ceil(MAX_POINTS).max(1);
     let points = map.points.iter().step_by(stride);

@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-/// Spaces the frames of one client so that neither a rate of frames nor a rate of bits is exceeded on average.
+/// Spaces the frames of one client so that neither a rate of frames nor a rate of bits is exceeded on
+/// average.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ClientPacer {
     interval: Duration,
@@ -27,8 +28,8 @@ impl ClientPacer {
         tokio::time::sleep_until(self.due).await;
     }
 
-    /// Counts a frame that is sent at `now`. The unused time of one and a half frames is carried over, so that a source of
-    /// exactly the permitted rate loses no frames to jitter.
+    /// Counts a frame that is sent at `now`. The unused time of one and a half frames is carried over, so
+    /// that a source of exactly the permitted rate loses no frames to jitter.
     pub(crate) fn sent(&mut self, bytes: usize, now: Instant) {
         let cost = self.interval.max(Duration::from_secs_f64(bytes as f64 * self.seconds_per_byte));
         let earliest = now.checked_sub(cost * 3 / 2).unwrap_or(now);

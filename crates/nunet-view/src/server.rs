@@ -25,7 +25,8 @@ const REQUEST_TIMEOUT: Duration = Duration::from_secs(5);
 const WRITE_TIMEOUT: Duration = Duration::from_secs(20);
 /// More connections at a time are refused.
 const MAX_CONNECTIONS: usize = 64;
-/// Pause after a connection that could not be accepted: usually too many files are open, and a retry would fail again.
+/// Pause after a connection that could not be accepted: usually too many files are open, and a retry would
+/// fail again.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 
 /// Where the live view is served, and who may see it.
@@ -107,7 +108,8 @@ pub fn check_address(address: SocketAddr, has_token: bool) -> Result<(), ViewErr
     if is_loopback || has_token { Ok(()) } else { Err(ViewError::TokenRequired { address }) }
 }
 
-/// `/metrics` alone, at an address of its own, until it is dropped. It needs no token: metrics contain rates, not images.
+/// `/metrics` alone, at an address of its own, until it is dropped. It needs no token: metrics contain rates,
+/// not images.
 pub struct MetricsServer(Running);
 
 impl MetricsServer {

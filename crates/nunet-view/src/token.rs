@@ -9,7 +9,8 @@ use crate::error::ViewError;
 /// The longest token that is accepted.
 const MAX_TOKEN_BYTES: usize = 256;
 
-/// A secret that viewers present in a cookie, in the header `Authorization: Bearer`, or as `?token=` in the address.
+/// A secret that viewers present in a cookie, in the header `Authorization: Bearer`, or as `?token=` in the
+/// address.
 #[derive(Clone)]
 pub struct Token(String);
 

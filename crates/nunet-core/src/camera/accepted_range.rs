@@ -2,9 +2,10 @@
 
 use std::ops::RangeInclusive;
 
-/// The focal lengths of lenses, in image sides. Others are a mistake of units. The widest lenses without a fisheye's
-/// distortion see 130 degrees (0.23), a fisheye whose circle does not fill the image has about 0.15; 0.1 is a pinhole of 157
-/// degrees. A telescope, or a small part of a telephoto image, sees 0.2 degrees (300).
+/// The focal lengths of lenses, in image sides. Others are a mistake of units. The widest lenses without a
+/// fisheye's distortion see 130 degrees (0.23), a fisheye whose circle does not fill the image has about
+/// 0.15; 0.1 is a pinhole of 157 degrees. A telescope, or a small part of a telephoto image, sees 0.2 degrees
+/// (300).
 const FOCAL_PER_SIDE: RangeInclusive<f64> = 0.1..=300.0;
 
 /// The principal point may lie outside a cropped image, by at most this many of its sides.

@@ -26,14 +26,16 @@ const START_FRACTION: f64 = 0.9;
 /// A point `(x, y)` at depth 1, `r² = x² + y²`, appears at
 ///
 /// ```text
-/// x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) / (1 + k4 r² + k5 r⁴ + k6 r⁶) + 2 p1 x y + p2 (r² + 2 x²) + s1 r² + s2 r⁴
-/// y' = y (1 + k1 r² + k2 r⁴ + k3 r⁶) / (1 + k4 r² + k5 r⁴ + k6 r⁶) + p1 (r² + 2 y²) + 2 p2 x y + s3 r² + s4 r⁴
+/// radial = (1 + k1 r² + k2 r⁴ + k3 r⁶) / (1 + k4 r² + k5 r⁴ + k6 r⁶)
+/// x' = x radial + 2 p1 x y + p2 (r² + 2 x²) + s1 r² + s2 r⁴
+/// y' = y radial + p1 (r² + 2 y²) + 2 p2 x y + s3 r² + s4 r⁴
 /// ```
 ///
 /// and, if the sensor is tilted, is then mapped by a homography (`tilt_x`, `tilt_y`, radians).
 ///
-/// Source: D. C. Brown, *Decentering distortion of lenses*, 1966; in this form the documentation of OpenCV's module
-/// calib3d, "Detailed Description". ROS calls it `plumb_bob` (5 coefficients) and `rational_polynomial` (8).
+/// Source: D. C. Brown, *Decentering distortion of lenses*, 1966; in this form the documentation of OpenCV's
+/// module calib3d, "Detailed Description". ROS calls it `plumb_bob` (5 coefficients) and
+/// `rational_polynomial` (8).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BrownConrady {
     coefficients: [f64; MAX_COEFFICIENTS],
@@ -42,7 +44,8 @@ pub struct BrownConrady {
 }
 
 impl BrownConrady {
-    /// `k1 k2 p1 p2`, then optionally `k3`, `k4 k5 k6`, `s1 s2 s3 s4`, `tilt_x tilt_y`: 4, 5, 8, 12 or 14 numbers.
+    /// `k1 k2 p1 p2`, then optionally `k3`, `k4 k5 k6`, `s1 s2 s3 s4`, `tilt_x tilt_y`: 4, 5, 8, 12 or 14
+    /// numbers.
     ///
     /// # Errors
     /// Another count, a coefficient that is not finite or out of range.
@@ -60,10 +63,10 @@ impl BrownConrady {
 
     /// The inverse of [`Self::distort_untilted`].
     ///
-    /// First the radial part alone is inverted, a function of one variable with an exact range. From there Newton's
-    /// method in two variables removes the tangential and prism parts, which are small. A step that does not reduce the
-    /// error, or leaves the range, is halved. OpenCV's fixed point iteration was rejected: it does not converge for a
-    /// strong barrel distortion.
+    /// First the radial part alone is inverted, a function of one variable with an exact range. From there
+    /// Newton's method in two variables removes the tangential and prism parts, which are small. A step that
+    /// does not reduce the error, or leaves the range, is halved. OpenCV's fixed point iteration was
+    /// rejected: it does not converge for a strong barrel distortion.
     fn undistort_untilted(&self, target: Point2<f64>) -> Option<Point2<f64>> {
         let radius = target.coords.norm();
         let start = inverse_of_rising(|r| self.distorted_radius(r), radius, self.max_radius)
@@ -80,7 +83,8 @@ impl BrownConrady {
         None
     }
 
-    /// `point` after `step`, halved until the error is smaller than `error` and the point is within `max_radius`.
+    /// `point` after `step`, halved until the error is smaller than `error` and the point is within
+    /// `max_radius`.
     fn damped_step(
         &self,
         point: Point2<f64>,
@@ -242,8 +246,8 @@ fn apply_homography(homography: &Matrix3<f64>, point: Point2<f64>) -> Option<Poi
 
 /// The radius up to which the distorted radius rises.
 ///
-/// `r N(r²) / D(r²)` rises while `N D + 2 u (N' D - N D')` is positive (`u = r²`, the quotient rule), and until `D`
-/// has a root. Both are polynomials of `u`.
+/// `r N(r²) / D(r²)` rises while `N D + 2 u (N' D - N D')` is positive (`u = r²`, the quotient rule), and
+/// until `D` has a root. Both are polynomials of `u`.
 fn max_radius(coefficients: &[f64; MAX_COEFFICIENTS]) -> f64 {
     let [k1, k2, _, _, k3, k4, k5, k6, ..] = *coefficients;
     let (above, below) = ([1.0, k1, k2, k3], [1.0, k4, k5, k6]);

@@ -11,7 +11,8 @@ const MAX_COEFFICIENT: f64 = 1e6;
 /// The largest tilt. At 90 degrees (1.571) there is no image.
 const MAX_TILT_RAD: f64 = 1.5;
 
-/// Checks the coefficients of a model that has one of `counts` coefficients, called `names`, and fills them up with zeros.
+/// Checks the coefficients of a model that has one of `counts` coefficients, called `names`, and fills them
+/// up with zeros.
 pub(super) fn checked(
     model: &'static str,
     coefficients: &[f64],

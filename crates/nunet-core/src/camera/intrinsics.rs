@@ -7,8 +7,8 @@ use nunet_types::{ImageSize, PixelRect};
 use super::CameraError;
 use super::accepted_range::accepted_range;
 
-/// fx and fy differ by at most this factor, or one of them is wrong. Pixels are square. An image that was squeezed, by an
-/// anamorphic lens or to another aspect ratio, has a factor of up to 2.4.
+/// fx and fy differ by at most this factor, or one of them is wrong. Pixels are square. An image that was
+/// squeezed, by an anamorphic lens or to another aspect ratio, has a factor of up to 2.4.
 const MAX_FOCAL_RATIO: f64 = 3.0;
 
 /// Pinhole intrinsics in pixels at a stated image size, pixel centers at whole numbers.
@@ -63,7 +63,8 @@ impl Intrinsics {
         ImageSize::new(self.width, self.height)
     }
 
-    /// The intrinsics after the whole image is resized to `width` x `height` pixels, each axis by its own factor.
+    /// The intrinsics after the whole image is resized to `width` x `height` pixels, each axis by its own
+    /// factor.
     ///
     /// Pixel centers lie at whole numbers, so the image's left edge is at -0.5: `cx' = (cx + 0.5) * s - 0.5`.
     ///
@@ -88,8 +89,8 @@ impl Intrinsics {
     /// The intrinsics for an image of another size and the same aspect ratio.
     ///
     /// # Errors
-    /// A size of another aspect ratio, by more than the rounding to whole pixels: such an image was cropped or
-    /// stretched, and the intrinsics do not say where.
+    /// A size of another aspect ratio, by more than the rounding to whole pixels: such an image was cropped
+    /// or stretched, and the intrinsics do not say where.
     pub fn fitted_to(&self, width: u32, height: u32) -> Result<Self, CameraError> {
         let Self { width: calibrated_width, height: calibrated_height, .. } = *self;
         let cross = |a: u32, b: u32| u64::from(a) * u64::from(b);
@@ -117,7 +118,8 @@ impl Intrinsics {
 
     /// The intrinsics of the image made of columns and rows 0, `stride`, 2 `stride`, ... of this one.
     ///
-    /// Unlike [`Intrinsics::scaled_to`] the kept pixels stay where they are, so the principal point is only divided.
+    /// Unlike [`Intrinsics::scaled_to`] the kept pixels stay where they are, so the principal point is only
+    /// divided.
     #[must_use]
     pub fn subsampled(&self, stride: NonZeroU32) -> Self {
         let step = f64::from(stride.get());
@@ -131,12 +133,12 @@ impl Intrinsics {
         }
     }
 
-    /// The intrinsics of the image in which each whole block of `factor` x `factor` pixels of this one is one pixel.
-    /// Columns at the right and rows at the bottom that do not fill a block are cut off.
+    /// The intrinsics of the image in which each whole block of `factor` x `factor` pixels of this one is one
+    /// pixel. Columns at the right and rows at the bottom that do not fill a block are cut off.
     ///
-    /// A new pixel's center is its block's center, so the half-pixel rule of [`Intrinsics::scaled_to`] applies:
-    /// `cx' = (cx + 0.5) / factor - 0.5`. (librealsense only divides the principal point, which is off by
-    /// `(factor - 1) / 2` of the old pixels.)
+    /// A new pixel's center is its block's center, so the half-pixel rule of [`Intrinsics::scaled_to`]
+    /// applies: `cx' = (cx + 0.5) / factor - 0.5`. (librealsense only divides the principal point, which is
+    /// off by `(factor - 1) / 2` of the old pixels.)
     #[must_use]
     pub fn decimated(&self, factor: NonZeroU32) -> Self {
         let pixels = f64::from(factor.get());
@@ -218,7 +220,8 @@ mod tests {
         let third = kinect().decimated(NonZeroU32::new(3).unwrap());
         assert_eq!((third.width, third.height), (213, 160));
         assert_eq!(third.fx_px, 518.858 / 3.0);
-        // Columns 300, 301 and 302 are block 100; a ray through the center of 301 goes through the center of it.
+        // Columns 300, 301 and 302 are block 100; a ray through the center of 301 goes through the center of
+        // it.
         let ray = (301.0 - 325.582) / 518.858;
         assert!((ray * third.fx_px + third.cx_px - 100.0).abs() < 1e-9, "{third:?}");
         let half = kinect().decimated(NonZeroU32::new(2).unwrap());

@@ -24,8 +24,8 @@ pub struct IntrinsicsSpec {
 }
 
 impl IntrinsicsSpec {
-    /// The intrinsics for an image of `width` x `height` pixels: scaled from the written size, or taken as they are if
-    /// there is none.
+    /// The intrinsics for an image of `width` x `height` pixels: scaled from the written size, or taken as
+    /// they are if there is none.
     ///
     /// # Errors
     /// As [`Intrinsics::new`]; an image of another aspect ratio than the written size.

@@ -12,7 +12,8 @@ use super::roots::{first_sign_change, inverse_of_rising};
 
 /// Kannala-Brandt distortion with four coefficients, in the form of OpenCV's fisheye model.
 ///
-/// A point at the angle `θ` to the optical axis appears in the same direction from the center, at the distance
+/// A point at the angle `θ` to the optical axis appears in the same direction from the center, at the
+/// distance
 ///
 /// ```text
 /// θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸)
@@ -20,9 +21,9 @@ use super::roots::{first_sign_change, inverse_of_rising};
 ///
 /// Directions at 90 degrees and more have no point at depth 1, so pixels that see them have no ray.
 ///
-/// Source: J. Kannala and S. S. Brandt, *A generic camera model and calibration method for conventional, wide-angle,
-/// and fish-eye lenses*, 2006, equation 6, whose first coefficient goes into the focal length; in this form the
-/// documentation of OpenCV's `cv::fisheye`. ROS calls it `equidistant`.
+/// Source: J. Kannala and S. S. Brandt, *A generic camera model and calibration method for conventional,
+/// wide-angle, and fish-eye lenses*, 2006, equation 6, whose first coefficient goes into the focal length; in
+/// this form the documentation of OpenCV's `cv::fisheye`. ROS calls it `equidistant`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct KannalaBrandt {
     coefficients: [f64; 4],

@@ -1,4 +1,5 @@
-//! The camera: intrinsics in pixels at a stated size, lens distortion, and the table of rays computed from both.
+//! The camera: intrinsics in pixels at a stated size, lens distortion, and the table of rays computed from
+//! both.
 //!
 //! Each lens model has a file of its own, which implements `LensModel`, and a line in `lens_models!` below.
 //! All other code finds it by its number in messages or by its ROS names.
@@ -67,8 +68,8 @@ impl Camera {
     /// The camera for an image of another size and the same aspect ratio.
     ///
     /// # Errors
-    /// A size of another aspect ratio, by more than the rounding to whole pixels: such an image was cropped or
-    /// stretched, and the intrinsics do not say where.
+    /// A size of another aspect ratio, by more than the rounding to whole pixels: such an image was cropped
+    /// or stretched, and the intrinsics do not say where.
     pub fn fitted_to(&self, width: u32, height: u32) -> Result<Self, CameraError> {
         Ok(Self { intrinsics: self.intrinsics.fitted_to(width, height)?, distortion: self.distortion })
     }
@@ -87,7 +88,8 @@ impl Camera {
         Self { intrinsics: self.intrinsics.cropped(part), distortion: self.distortion }
     }
 
-    /// The camera of an image of size `canvas` in which this camera's image lies at `place`, which has its size.
+    /// The camera of an image of size `canvas` in which this camera's image lies at `place`, which has its
+    /// size.
     #[must_use]
     pub fn padded(&self, place: PixelRect, canvas: ImageSize) -> Self {
         Self { intrinsics: self.intrinsics.padded(place, canvas), distortion: self.distortion }
@@ -107,10 +109,10 @@ impl Camera {
 
     /// Column and row where a point `[x, y, z]` of the camera's optical frame (meters or any unit) appears.
     ///
-    /// `None` for a point that is not in front of the camera, or that is outside the range of the lens model. The pixel
-    /// may lie outside the image.
+    /// `None` for a point that is not in front of the camera, or that is outside the range of the lens model.
+    /// The pixel may lie outside the image.
     ///
-    /// # Example: through a fisheye, points far from the axis appear nearer to the center than through a pinhole
+    /// # Example: through a fisheye, points far from the axis appear nearer to the center
     /// ```
     /// # use nunet_core::camera::{Camera, CameraError, Distortion, Intrinsics, KannalaBrandt};
     /// let intrinsics = Intrinsics::new(300.0, 300.0, 320.0, 240.0, 640, 480)?;

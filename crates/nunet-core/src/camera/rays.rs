@@ -8,9 +8,9 @@ use super::{Camera, Intrinsics};
 
 /// The viewing ray of each pixel, as its point at depth 1: `[x / z, y / z]`.
 ///
-/// `[height][width]`, camera's optical frame (x right, y down, z forward). A pixel without a ray has NaN: it sees a point
-/// at or beyond the largest angle (90 degrees or less), or the lens model is not defined there. Lens distortion is in the
-/// table, so that later stages do not depend on the lens model.
+/// `[height][width]`, camera's optical frame (x right, y down, z forward). A pixel without a ray has NaN: it
+/// sees a point at or beyond the largest angle (90 degrees or less), or the lens model is not defined there.
+/// Lens distortion is in the table, so that later stages do not depend on the lens model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RayTable {
     width: u32,
@@ -27,7 +27,8 @@ impl RayTable {
 
     /// The rays of `camera` that are at most `max_angle_rad` from the optical axis; other pixels have none.
     ///
-    /// Near 90 degrees a ray is almost parallel to the image plane: a depth of 10 m becomes a point kilometers away.
+    /// Near 90 degrees a ray is almost parallel to the image plane: a depth of 10 m becomes a point
+    /// kilometers away.
     #[must_use]
     pub fn within_angle(camera: &Camera, max_angle_rad: f64) -> Self {
         let max_tangent = if max_angle_rad < FRAC_PI_2 { max_angle_rad.tan() } else { f64::INFINITY };

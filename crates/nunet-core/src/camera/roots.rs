@@ -35,9 +35,9 @@ impl Places {
 
 /// All places between 0 and `end` where a polynomial changes its sign.
 ///
-/// Between two extrema a polynomial changes its sign at most once, and its extrema are where its derivative changes sign;
-/// so this recurses over the derivatives. Unlike a search on a grid it misses no pair of close roots. Nothing is
-/// allocated, because a lens is built from every frame header.
+/// Between two extrema a polynomial changes its sign at most once, and its extrema are where its derivative
+/// changes sign; so this recurses over the derivatives. Unlike a search on a grid it misses no pair of close
+/// roots. Nothing is allocated, because a lens is built from every frame header.
 fn sign_changes(polynomial: &[f64], end: f64) -> Places {
     let mut found = Places { values: [0.0; MAX_DEGREE], count: 0 };
     if polynomial.len() < 2 {
@@ -82,7 +82,8 @@ fn bisect(polynomial: &[f64], mut low: f64, mut high: f64) -> f64 {
 
 /// Where a function that rises from 0 at 0 to `end` has the value `target`; `None` beyond its value at `end`.
 ///
-/// `function` returns value and derivative. Newton's method, with bisection where a step would leave the bracket.
+/// `function` returns value and derivative. Newton's method, with bisection where a step would leave the
+/// bracket.
 pub(super) fn inverse_of_rising(function: impl Fn(f64) -> (f64, f64), target: f64, end: f64) -> Option<f64> {
     if !(0.0..=function(end).0).contains(&target) {
         return None;

@@ -24,14 +24,15 @@ fn named(name: &str) -> Option<Named> {
 impl Distortion {
     /// The lens of a ROS `CameraInfo`: `distortion_model` and `d`.
     ///
-    /// No coefficients mean no distortion, and so do zeros, except for `equidistant`, whose zeros are an ideal fisheye.
-    /// Without a model's name, the count of coefficients decides ([`Distortion::model_of`]).
+    /// No coefficients mean no distortion, and so do zeros, except for `equidistant`, whose zeros are an
+    /// ideal fisheye. Without a model's name, the count of coefficients decides ([`Distortion::model_of`]).
     ///
-    /// Zeros after a model's last coefficient are ignored: the camera `RealSense` T265 writes `equidistant` with a fifth one.
+    /// Zeros after a model's last coefficient are ignored: the camera `RealSense` T265 writes `equidistant`
+    /// with a fifth one.
     ///
     /// # Errors
-    /// An unsupported model, a nonzero coefficient that the model does not have, another count of coefficients than the
-    /// model has, a coefficient out of range.
+    /// An unsupported model, a nonzero coefficient that the model does not have, another count of
+    /// coefficients than the model has, a coefficient out of range.
     pub fn from_ros(model: &str, coefficients: &[f64]) -> Result<Self, CalibrationError> {
         if coefficients.is_empty() {
             return Ok(Self::None);
@@ -55,8 +56,9 @@ impl Distortion {
         named(model).is_some_and(|(lens, _)| lens.zeros_distort)
     }
 
-    /// The lens model that a ROS `CameraInfo` without a `distortion_model` means: by ROS's convention `plumb_bob` for 4 or 5
-    /// coefficients and `rational_polynomial` for 8, 12 or 14. `None` for other counts, and for zeros, which are no lens.
+    /// The lens model that a ROS `CameraInfo` without a `distortion_model` means: by ROS's convention
+    /// `plumb_bob` for 4 or 5 coefficients and `rational_polynomial` for 8, 12 or 14. `None` for other
+    /// counts, and for zeros, which are no lens.
     #[must_use]
     pub fn model_of(coefficients: &[f64]) -> Option<&'static str> {
         if coefficients.iter().all(|&coefficient| coefficient == 0.0) {

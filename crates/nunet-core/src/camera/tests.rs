@@ -8,11 +8,12 @@ use super::*;
 /// Made by `tests/golden/opencv_rays.py` beside it, with the release of OpenCV that it names.
 const GOLDEN: &str = include_str!("../../tests/golden/opencv_rays.json");
 
-/// OpenCV stops 1e-12 pixels off, this crate 1e-12 focal lengths; near the fold a ray moves a hundred times as far as
-/// its pixel. Found: 1.3e-12 at most.
+/// OpenCV stops 1e-12 pixels off, this crate 1e-12 focal lengths; near the fold a ray moves a hundred times
+/// as far as its pixel. Found: 1.3e-12 at most.
 const RAY_TOLERANCE: f64 = 1e-10;
 
-/// The same formulas on the same doubles in another order, some roundings of 2e-13 at column 1920. Found: 5e-13 at most.
+/// The same formulas on the same doubles in another order, some roundings of 2e-13 at column 1920. Found:
+/// 5e-13 at most.
 const PIXEL_TOLERANCE: f64 = 1e-11;
 
 fn numbers(value: &Value) -> Vec<f64> {

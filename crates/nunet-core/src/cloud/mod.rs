@@ -28,9 +28,9 @@ pub struct CloudOptions {
 
 /// Fills `out` with the points of columns and rows 0, `stride`, 2 `stride`, ... of a depth map.
 ///
-/// `depth_m` is `[height][width]` at the size of `rays`, meters along the optical axis, and `appearance` has the same
-/// size; `out` is [`cloud_size`] points, rows from the top. A point without depth, without a ray, or out of range keeps its
-/// place with NaN coordinates.
+/// `depth_m` is `[height][width]` at the size of `rays`, meters along the optical axis, and `appearance` has
+/// the same size; `out` is [`cloud_size`] points, rows from the top. A point without depth, without a ray, or
+/// out of range keeps its place with NaN coordinates.
 ///
 /// # Errors
 /// A buffer of another size.

@@ -18,10 +18,11 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// The scale of a network's depth from the focal lengths of both cameras, in pixels at the network's size.
+    /// The scale of a network's depth from the focal lengths of both cameras, in pixels at the network's
+    /// size.
     ///
-    /// Depth from one image grows with the focal length: an object that is twice as large in the image is half as far,
-    /// or seen with twice the focal length. Without a training camera nothing is corrected.
+    /// Depth from one image grows with the focal length: an object that is twice as large in the image is
+    /// half as far, or seen with twice the focal length. Without a training camera nothing is corrected.
     #[must_use]
     pub fn from_focal_lengths(
         encoding: DepthEncoding,

@@ -67,10 +67,10 @@ pub struct Appearance<'a> {
 
 /// Decimates depth, labels and colors.
 ///
-/// Depth is, as in librealsense, the median of a block's measurements for factors 2 and 3 and their mean from 4 on; NaN if
-/// the block has none. Of an even count of measurements the nearer of the two middle ones is the median, so that no depth
-/// appears between two surfaces; a mean has no such guarantee. Labels are the most frequent class of a block, the smallest
-/// of equals, and colors the mean.
+/// Depth is, as in librealsense, the median of a block's measurements for factors 2 and 3 and their mean from
+/// 4 on; NaN if the block has none. Of an even count of measurements the nearer of the two middle ones is the
+/// median, so that no depth appears between two surfaces; a mean has no such guarantee. Labels are the most
+/// frequent class of a block, the smallest of equals, and colors the mean.
 #[derive(Debug)]
 pub struct Decimation {
     factor: usize,
@@ -133,8 +133,8 @@ impl Decimation {
         Ok(())
     }
 
-    /// Decimates the depth in [`Self::network_depth`] into `depth_m`, and the labels of `full`, at the network's size, into
-    /// `labels`. The returned colors are valid only if `for_cloud`.
+    /// Decimates the depth in [`Self::network_depth`] into `depth_m`, and the labels of `full`, at the
+    /// network's size, into `labels`. The returned colors are valid only if `for_cloud`.
     ///
     /// # Errors
     /// Buffers of another size.
@@ -228,8 +228,8 @@ fn mean_depth(block: &[f32]) -> f32 {
     sum / count
 }
 
-/// The most frequent class, the smallest of equals. `votes` are zeros before and after, because clearing 256 counters
-/// takes longer than counting a block.
+/// The most frequent class, the smallest of equals. `votes` are zeros before and after, because clearing 256
+/// counters takes longer than counting a block.
 fn most_frequent(block: &[u8], votes: &mut [u8; 256]) -> u8 {
     for &label in block {
         votes[usize::from(label)] += 1;

@@ -1,8 +1,8 @@
 //! Filters of depth maps: librealsense's post-processing, in meters.
 //!
-//! All are off by default. They always run in librealsense's order, `decimation`, `spatial`, `temporal`, `holes`:
-//! decimation first because the others are then cheaper, hole filling last because filled depth must not be smoothed into
-//! measured depth.
+//! All are off by default. They always run in librealsense's order, `decimation`, `spatial`, `temporal`,
+//! `holes`: decimation first because the others are then cheaper, hole filling last because filled depth must
+//! not be smoothed into measured depth.
 //!
 //! Parameters and defaults are those of librealsense's [post-processing
 //! filters](https://github.com/IntelRealSense/librealsense/blob/master/doc/post-processing-filters.md) where

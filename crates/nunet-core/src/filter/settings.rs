@@ -13,7 +13,8 @@ pub(super) struct Settings<'a> {
 }
 
 impl<'a> Settings<'a> {
-    /// Reads `text`, empty for none. `bare` is the setting that a value without a key belongs to, where there is one.
+    /// Reads `text`, empty for none. `bare` is the setting that a value without a key belongs to, where there
+    /// is one.
     pub(super) fn parse(
         filter: &'static str,
         text: &'a str,

@@ -51,14 +51,14 @@ impl fmt::Display for SpatialOptions {
     }
 }
 
-/// The recursive edge-preserving filter of Gastal and Oliveira, "Domain Transform for Edge-Aware Image and Video
-/// Processing" (2011), as librealsense simplifies it.
+/// The recursive edge-preserving filter of Gastal and Oliveira, "Domain Transform for Edge-Aware Image and
+/// Video Processing" (2011), as librealsense simplifies it.
 ///
-/// The paper's recursion is `J[n] = (1 - a^d) I[n] + a^d J[n - 1]`, forth and back along each line, where `d` grows with
-/// the difference of neighbors. Here the distance has two values: `a^d` is `1 - alpha` where two neighbors differ by
-/// less than `delta`, and 0 where they differ by more. Nothing crosses such an edge, and nothing crosses a pixel without
-/// depth, which stays without. Each of `magnitude` rounds goes right, left, down and up, with the same `a` (the paper
-/// shortens its reach from round to round).
+/// The paper's recursion is `J[n] = (1 - a^d) I[n] + a^d J[n - 1]`, forth and back along each line, where `d`
+/// grows with the difference of neighbors. Here the distance has two values: `a^d` is `1 - alpha` where two
+/// neighbors differ by less than `delta`, and 0 where they differ by more. Nothing crosses such an edge, and
+/// nothing crosses a pixel without depth, which stays without. Each of `magnitude` rounds goes right, left,
+/// down and up, with the same `a` (the paper shortens its reach from round to round).
 ///
 /// With `fill` holes are then filled along their row, first from the left and then from the right.
 #[derive(Debug)]
@@ -99,7 +99,8 @@ impl Spatial {
 }
 
 impl SpatialOptions {
-    /// A pixel's depth after the recursion, from its own, its neighbor's own, and its neighbor's after the recursion.
+    /// A pixel's depth after the recursion, from its own, its neighbor's own, and its neighbor's after the
+    /// recursion.
     ///
     /// Written so that equal numbers stay equal to the bit, and that NaN on either side is an edge.
     fn step(self) -> impl Fn(f32, f32, f32) -> f32 {

@@ -16,8 +16,8 @@ const DELTA_M_DEFAULT: f32 = 0.02; // 20 steps of a D400
 const PERSISTENCE: RangeInclusive<usize> = 0..=8;
 const PERSISTENCE_DEFAULT: usize = 3;
 
-/// When a pixel without depth keeps its last one: of the frames in `frames`, bit 0 the one before, at least `measured`
-/// had depth.
+/// When a pixel without depth keeps its last one: of the frames in `frames`, bit 0 the one before, at least
+/// `measured` had depth.
 struct Rule {
     frames: u8,
     measured: u32,
@@ -66,11 +66,11 @@ impl fmt::Display for TemporalOptions {
     }
 }
 
-/// An exponential mean of each pixel: `alpha` of the new depth and the rest of the old, where both differ by less than
-/// `delta`; otherwise the new depth replaces the mean.
+/// An exponential mean of each pixel: `alpha` of the new depth and the rest of the old, where both differ by
+/// less than `delta`; otherwise the new depth replaces the mean.
 ///
-/// A pixel without depth keeps its last one as long as `persistence` allows. This depth is stale: on a robot that
-/// moves, surfaces trail behind.
+/// A pixel without depth keeps its last one as long as `persistence` allows. This depth is stale: on a robot
+/// that moves, surfaces trail behind.
 #[derive(Debug)]
 pub struct Temporal {
     options: TemporalOptions,

@@ -309,7 +309,8 @@ mod temporal {
 
     #[test]
     fn each_persistence_keeps_what_its_rule_says() {
-        // For each rule frames that are just enough for the hole behind them, and frames that are just too few.
+        // For each rule frames that are just enough for the hole behind them, and frames that are just too
+        // few.
         let (v, x) = (1.0, NAN);
         let enough: [(usize, &[f32]); 8] = [
             (1, &[v; 8]),

@@ -1,7 +1,7 @@
 //! Which part of the camera's image the network sees, and where in its own image.
 //!
-//! A network that was trained on 4:3 images estimates depth too near from a 16:9 image that is squeezed to 4:3. The image
-//! is therefore cropped to the network's aspect ratio, or padded to it.
+//! A network that was trained on 4:3 images estimates depth too near from a 16:9 image that is squeezed to
+//! 4:3. The image is therefore cropped to the network's aspect ratio, or padded to it.
 
 mod aspect;
 

@@ -4,8 +4,9 @@ use nunet_types::{ImageSize, PixelRect};
 
 /// Resizes the output of a foreign network to the size of its image, bilinearly.
 ///
-/// Values are resized before they are decoded, as the authors of such networks do. Pixel centers follow the half-pixel
-/// rule, and the border is repeated. Indices and weights are computed once; a frame allocates nothing.
+/// Values are resized before they are decoded, as the authors of such networks do. Pixel centers follow the
+/// half-pixel rule, and the border is repeated. Indices and weights are computed once; a frame allocates
+/// nothing.
 pub(crate) struct DepthResize {
     columns: Vec<Tap>,
     rows: Vec<Tap>,

@@ -5,8 +5,8 @@ use crate::graph::ElementType;
 /// Beyond it not every integer is an `f64`.
 const MAX_INTEGER: f64 = 9_007_199_254_740_992.0; // 2^53
 
-/// `values` as elements of type `element`, in this machine's byte order; `None` for a type that is not supported here,
-/// and for a value that the type cannot represent.
+/// `values` as elements of type `element`, in this machine's byte order; `None` for a type that is not
+/// supported here, and for a value that the type cannot represent.
 pub(super) fn element_bytes(values: &[f64], element: ElementType) -> Option<Vec<u8>> {
     macro_rules! integers {
         ($type:ty) => {

@@ -94,8 +94,8 @@ pub struct GraphReport {
     pub stages: StageTimes,
     /// Whether a stage was skipped.
     pub quality: Quality,
-    /// Bytes of results that were copied or resized: labels of a stage that does not run for each frame, and depth of
-    /// another size than the image.
+    /// Bytes of results that were copied or resized: labels of a stage that does not run for each frame, and
+    /// depth of another size than the image.
     pub bytes_copied: u64,
 }
 

@@ -35,8 +35,8 @@ pub(super) fn load(path: &Path, runtime: &Runtime, options: &GraphOptions) -> Re
     if is_manifest(path) { loader.staged(path, options) } else { loader.single(path, options) }
 }
 
-/// Every file of a graph: the model file and its sidecar if there is one, or the manifest and the files that it names.
-/// Reads only manifests.
+/// Every file of a graph: the model file and its sidecar if there is one, or the manifest and the files that
+/// it names. Reads only manifests.
 ///
 /// # Errors
 /// A manifest that cannot be read or is invalid.

@@ -83,8 +83,8 @@ impl Manifest {
     /// Parses a manifest. The wiring checks later whether its stages fit.
     ///
     /// # Errors
-    /// Text that is not TOML, unknown or missing keys, another version, no stage or too many, an invalid name, and a model
-    /// outside the manifest's folder.
+    /// Text that is not TOML, unknown or missing keys, another version, no stage or too many, an invalid
+    /// name, and a model outside the manifest's folder.
     pub fn parse(text: &str) -> Result<Self, ManifestError> {
         let manifest: Self = toml::from_str(text)
             .map_err(|error| ManifestError::Syntax { reason: shortened(&error.to_string()) })?;
@@ -101,8 +101,8 @@ impl Manifest {
         Ok(manifest)
     }
 
-    /// The manifest of a single file: one stage that takes the image and returns the results; `optional` are its labels
-    /// and its confidence.
+    /// The manifest of a single file: one stage that takes the image and returns the results; `optional` are
+    /// its labels and its confidence.
     pub(crate) fn fused(model: &str, input: &str, depth: &str, optional: [Option<&str>; 2]) -> Self {
         let stage = ManifestStage {
             name: FUSED_STAGE.to_owned(),

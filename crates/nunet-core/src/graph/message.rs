@@ -1,7 +1,7 @@
 //! ONNX Runtime's messages without the parts that only its developers can use.
 //!
-//! A message may be `[ONNXRuntimeError] : 6 : RUNTIME_EXCEPTION : Exception during initialization: /x/conv.cc:41
-//! onnxruntime::Status onnxruntime::Conv<float>::Compute(onnxruntime::OpKernelContext *) const Invalid input shape: {0}`
+//! A message may be
+//! `[ONNXRuntimeError] : 6 : FAIL : /x/conv.cc:41 Status Conv::Compute(...) const Invalid input shape: {0}`
 //! and go on with a stack trace. What matters of it is `Invalid input shape: {0}`.
 
 use std::fmt;
@@ -14,7 +14,8 @@ pub struct OnnxMessage {
 }
 
 impl OnnxMessage {
-    /// The message as ONNX Runtime wrote it, with places in its source and a stack trace, for a log of details.
+    /// The message as ONNX Runtime wrote it, with places in its source and a stack trace, for a log of
+    /// details.
     #[must_use]
     pub fn full(&self) -> &str {
         &self.full
@@ -96,8 +97,8 @@ fn node_name(node: &str) -> String {
     }
 }
 
-/// Without the first place in ONNX Runtime's source: `/path/file.cc:12 signature of a function`, and a condition of its
-/// code behind it. `None` if there is none.
+/// Without the first place in ONNX Runtime's source: `/path/file.cc:12 signature of a function`, and a
+/// condition of its code behind it. `None` if there is none.
 fn without_source_place(text: &str) -> Option<String> {
     let ends = [".cc:", ".h:", ".cpp:", ".hpp:", ".cu:"];
     let (end, extension) = ends.iter().filter_map(|end| Some((text.find(end)?, end.len()))).min()?;
@@ -113,8 +114,8 @@ fn without_source_place(text: &str) -> Option<String> {
     Some(format!("{}{}", &text[..start], rest.trim_start()))
 }
 
-/// How long the signature of a C++ function is at the start of `text`: up to the end of its parameters and of what follows
-/// them. 0 where there is none.
+/// How long the signature of a C++ function is at the start of `text`: up to the end of its parameters and of
+/// what follows them. 0 where there is none.
 fn signature_bytes(text: &str) -> usize {
     let (mut depth, mut end) = (0_usize, 0);
     for (place, sign) in text.char_indices() {

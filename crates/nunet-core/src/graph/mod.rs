@@ -1,7 +1,8 @@
 //! The serial graph: N components in series, from an image to depth, labels, and the tensors between them.
 //!
-//! Read in this order: [`manifest`] (what a user wrote) -> [`load`] (the files) -> [`wiring`] (the check that the stages
-//! fit) -> [`state`] (recurrent state) -> [`serial`] (the run). Only the folder [`onnx`] uses ONNX Runtime.
+//! Read in this order: [`manifest`] (what a user wrote) -> [`load`] (the files) -> [`wiring`] (the check that
+//! the stages fit) -> [`state`] (recurrent state) -> [`serial`] (the run). Only the folder [`onnx`] uses ONNX
+//! Runtime.
 
 mod depth_resize;
 mod element_bytes;

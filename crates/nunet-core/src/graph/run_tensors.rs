@@ -64,7 +64,8 @@ pub(super) fn lend_image<'run>(
     }
 }
 
-/// Lends memory for labels or confidence to a run, if the caller requested them; `missing` if the graph has none.
+/// Lends memory for labels or confidence to a run, if the caller requested them; `missing` if the graph has
+/// none.
 pub(super) fn lend_map<'run>(
     tensor: Option<&'run mut CallerTensor>,
     memory: Option<&'run mut [u8]>,

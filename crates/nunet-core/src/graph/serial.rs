@@ -46,8 +46,8 @@ impl SerialGraph {
     /// Loads a fused `.onnx` file, or a staged graph's `.toml` with the files that it names.
     ///
     /// # Errors
-    /// Files that cannot be read or that ONNX Runtime does not load, stages that do not fit together, and a description
-    /// that is missing or invalid.
+    /// Files that cannot be read or that ONNX Runtime does not load, stages that do not fit together, and a
+    /// description that is missing or invalid.
     pub fn load(path: &Path, runtime: &Runtime, options: &GraphOptions) -> Result<Self, GraphError> {
         let Loaded { plan, models, description, provider, float_input } = load(path, runtime, options)?;
         let mut stages = Vec::with_capacity(models.len());
@@ -63,8 +63,8 @@ impl SerialGraph {
         Self::new(plan, sessions, description, stages, provider, float_input)
     }
 
-    /// Another graph with the same ONNX Runtime sessions, for another stream of frames. Weights are in memory once; state,
-    /// reused results and buffers are separate.
+    /// Another graph with the same ONNX Runtime sessions, for another stream of frames. Weights are in memory
+    /// once; state, reused results and buffers are separate.
     ///
     /// # Errors
     /// No memory for the tensors between the stages.
@@ -171,9 +171,9 @@ impl SerialGraph {
         self.provider
     }
 
-    /// How many nodes of all stages each provider executes, by ONNX Runtime's names, such as `CPUExecutionProvider`.
-    /// ONNX Runtime assigns nodes that a provider does not support to the CPU without an error. Nodes are counted before
-    /// providers fuse them.
+    /// How many nodes of all stages each provider executes, by ONNX Runtime's names, such as
+    /// `CPUExecutionProvider`. ONNX Runtime assigns nodes that a provider does not support to the CPU without
+    /// an error. Nodes are counted before providers fuse them.
     ///
     /// # Errors
     /// ONNX Runtime's message.
@@ -190,7 +190,8 @@ impl SerialGraph {
         Ok(assignment)
     }
 
-    /// The format of a foreign network's image ([`GraphInput::Float`]); `None` for camera bytes ([`GraphInput::Rgb`]).
+    /// The format of a foreign network's image ([`GraphInput::Float`]); `None` for camera bytes
+    /// ([`GraphInput::Rgb`]).
     #[must_use]
     pub fn float_input(&self) -> Option<&TensorFormat> {
         self.float_input.as_ref()
@@ -198,13 +199,14 @@ impl SerialGraph {
 
     /// Runs all stages that are due on one image and writes the results into `outputs`.
     ///
-    /// ONNX Runtime reads the image and writes the results in place: nothing is copied, and nothing is allocated on the
-    /// Rust side once each buffer's address has been seen. Exceptions are labels of a stage that does not run for each
-    /// frame, which are kept inside and copied, and depth of another size than the image, which is resized.
+    /// ONNX Runtime reads the image and writes the results in place: nothing is copied, and nothing is
+    /// allocated on the Rust side once each buffer's address has been seen. Exceptions are labels of a stage
+    /// that does not run for each frame, which are kept inside and copied, and depth of another size than the
+    /// image, which is resized.
     ///
     /// # Errors
-    /// Buffers of another length or type than the graph's, and ONNX Runtime's errors. After an error every stage is due
-    /// again, and state is that before the run.
+    /// Buffers of another length or type than the graph's, and ONNX Runtime's errors. After an error every
+    /// stage is due again, and state is that before the run.
     pub fn run(
         &mut self,
         image: GraphInput<'_>,
@@ -281,16 +283,16 @@ impl SerialGraph {
         self.state.clear(&mut self.own);
     }
 
-    /// The labels of the last run, `[H, W]`, if they were not written into the caller's memory: they were not requested, or
-    /// their stage does not run for each frame.
+    /// The labels of the last run, `[H, W]`, if they were not written into the caller's memory: they were not
+    /// requested, or their stage does not run for each frame.
     #[must_use]
     pub fn labels(&self) -> Option<&[u8]> {
         let index = self.plan.labels.filter(|_| self.runs > 0 && !self.labels_left)?;
         Some(self.own.bytes(index))
     }
 
-    /// The confidence of the last run's depth, `[H, W]`: 255 = certain, if it was not written into the caller's memory. In a
-    /// pipeline it is adapted to the decoded depth, in place.
+    /// The confidence of the last run's depth, `[H, W]`: 255 = certain, if it was not written into the
+    /// caller's memory. In a pipeline it is adapted to the decoded depth, in place.
     #[must_use]
     pub fn confidence(&self) -> Option<&[u8]> {
         Some(self.own.bytes(self.own_confidence()?))
@@ -307,9 +309,11 @@ impl SerialGraph {
         self.plan.confidence.filter(|_| self.runs > 0 && !self.confidence_left)
     }
 
-    /// An output of any stage after the last run, by `stage.tensor`; the only stage of a fused file is `network`.
+    /// An output of any stage after the last run, by `stage.tensor`; the only stage of a fused file is
+    /// `network`.
     ///
-    /// `None` for an unknown name, before the first run, and for a result that was written into the caller's memory.
+    /// `None` for an unknown name, before the first run, and for a result that was written into the caller's
+    /// memory.
     #[must_use]
     pub fn tensor(&self, name: &str) -> Option<TensorView<'_>> {
         let index = self.plan.tensors.iter().position(|spec| spec.name == name)?;

@@ -1,7 +1,7 @@
 //! The state of recurrent stages, without a copy: two buffers for each tensor, which swap roles.
 //!
-//! A run reads the current buffer and writes the other. They swap when **all** stages have succeeded: a run that fails
-//! half-way may have written the other buffer, but the state of the last good run is intact.
+//! A run reads the current buffer and writes the other. They swap when **all** stages have succeeded: a run
+//! that fails half-way may have written the other buffer, but the state of the last good run is intact.
 
 use crate::graph::TensorSpec;
 use crate::graph::onnx::OwnTensors;
@@ -23,7 +23,8 @@ struct Pair {
 }
 
 impl GraphState {
-    /// The state of a plan's stages, in the order in which [`crate::graph::wiring::InputSource::State`] counts.
+    /// The state of a plan's stages, in the order in which [`crate::graph::wiring::InputSource::State`]
+    /// counts.
     pub(super) fn new(plan: &Wired) -> Self {
         let pairs = plan.states.iter().enumerate().map(|(index, state)| Pair {
             tensor: state.output,
@@ -39,7 +40,8 @@ impl GraphState {
         self.0.is_empty()
     }
 
-    /// All tensors for which the graph allocates memory: those of the plan, the second buffers, then the extra inputs.
+    /// All tensors for which the graph allocates memory: those of the plan, the second buffers, then the
+    /// extra inputs.
     pub(super) fn with_buffers(plan: &Wired) -> Vec<TensorSpec> {
         let second = plan.states.iter().map(|state| plan.tensors[state.output].clone());
         let extras = plan.extras.iter().map(|extra| extra.spec.clone());
@@ -57,7 +59,8 @@ impl GraphState {
         pair.buffers[pair.current]
     }
 
-    /// The buffer of the plan's tensor `tensor` during run number `run`, for the stage that writes it and for later ones.
+    /// The buffer of the plan's tensor `tensor` during run number `run`, for the stage that writes it and for
+    /// later ones.
     pub(super) fn buffer_in_run(&self, tensor: usize, run: u64) -> usize {
         self.buffer(tensor, |pair| if is_due(pair.every, run) { 1 - pair.current } else { pair.current })
     }

@@ -2,12 +2,12 @@
 
 use crate::graph::MAX_STAGES;
 
-/// The stages of a serial graph, and what the pipeline does before and after it: preprocessing, decoding, four filters,
-/// the cloud, and room for one more.
+/// The stages of a serial graph, and what the pipeline does before and after it: preprocessing, decoding,
+/// four filters, the cloud, and room for one more.
 pub const MAX_TIMED_STAGES: usize = MAX_STAGES + 8;
 
-/// Microseconds of each stage, in the order in which the stages ran. The names are known once, at load; the n-th
-/// time belongs to the n-th name.
+/// Microseconds of each stage, in the order in which the stages ran. The names are known once, at load; the
+/// n-th time belongs to the n-th name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct StageTimes {
     micros: [u32; MAX_TIMED_STAGES],

@@ -10,11 +10,13 @@ use crate::graph::wiring::{WiredExtra, wired_extra};
 use crate::graph::{GraphError, Signature, TensorSpec};
 use crate::model::{ExtraInput, Sidecar};
 
-/// The signature of a foreign network with the size of its depth, found by one run where the file leaves it open.
+/// The signature of a foreign network with the size of its depth, found by one run where the file leaves it
+/// open.
 ///
-/// Such networks round the image to their own step (vision transformers to multiples of 14), fail at other sizes, or
-/// return depth of a fraction of the size. None of that is in the file. An image that is not resized as a whole would give
-/// depth at the wrong place, so depth must be a whole fraction of the image, or the image of the depth.
+/// Such networks round the image to their own step (vision transformers to multiples of 14), fail at other
+/// sizes, or return depth of a fraction of the size. None of that is in the file. An image that is not
+/// resized as a whole would give depth at the wrong place, so depth must be a whole fraction of the image, or
+/// the image of the depth.
 ///
 /// # Errors
 /// A size at which the network does not run, or of which it cuts off a part.

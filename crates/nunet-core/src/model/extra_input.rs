@@ -7,8 +7,8 @@ use crate::camera::Intrinsics;
 pub enum ExtraInput {
     /// The same values for every frame; a single value fills the whole tensor.
     Constant(Vec<f64>),
-    /// The camera matrix at the network's size, row by row: 9 elements, or 16 with a fourth row and column of the
-    /// identity; as 4 elements `fx, fy, cx, cy`. Pixels.
+    /// The camera matrix at the network's size, row by row: 9 elements, or 16 with a fourth row and column of
+    /// the identity; as 4 elements `fx, fy, cx, cy`. Pixels.
     Intrinsics,
     /// The inverse of the camera matrix: 9 or 16 elements.
     InverseIntrinsics,
@@ -38,8 +38,8 @@ impl ExtraInput {
         }
     }
 
-    /// The values of a tensor of `elements` elements, for a camera at the network's size; `None` for a count that it
-    /// cannot fill.
+    /// The values of a tensor of `elements` elements, for a camera at the network's size; `None` for a count
+    /// that it cannot fill.
     #[must_use]
     pub fn values(&self, camera: &Intrinsics, elements: usize) -> Option<Vec<f64>> {
         let Intrinsics { fx_px, fy_px, cx_px, cy_px, .. } = *camera;

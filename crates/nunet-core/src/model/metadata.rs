@@ -44,8 +44,9 @@ impl ModelDescription {
         metadata.contains_key("nunet.version")
     }
 
-    /// Parses the metadata of a model file whose hash is `hash`, except `nunet.state`, which each file of a staged graph
-    /// has on its own ([`super::StateTensor::list`]). Keys that the contract does not name are ignored.
+    /// Parses the metadata of a model file whose hash is `hash`, except `nunet.state`, which each file of a
+    /// staged graph has on its own ([`super::StateTensor::list`]). Keys that the contract does not name are
+    /// ignored.
     ///
     /// # Errors
     /// Another version, a missing key, an invalid value.

@@ -56,7 +56,8 @@ pub struct ModelDescription {
     pub targets: Vec<String>,
     /// The expected answer to the self-test image.
     pub selftest: Option<SelfTest>,
-    /// SHA-256 of the model file; for a staged graph that of the manifest's bytes followed by each stage file's SHA-256.
+    /// SHA-256 of the model file; for a staged graph that of the manifest's bytes followed by each stage
+    /// file's SHA-256.
     pub hash: [u8; 32],
 }
 

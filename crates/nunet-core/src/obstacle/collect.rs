@@ -18,8 +18,8 @@ pub(super) struct Collector {
     keys: Vec<Key>,
     /// Distances from the base's origin of the points of a row, meters.
     ranges_m: Vec<f32>,
-    /// For each column, the cube of its last point. The next point below is mostly in the same cube, or in that of the point
-    /// to its left.
+    /// For each column, the cube of its last point. The next point below is mostly in the same cube, or in
+    /// that of the point to its left.
     last_cubes: Vec<usize>,
 }
 
@@ -74,7 +74,8 @@ impl Collector {
     }
 }
 
-/// Computes the key of each point, for cubes with this edge. Takes a whole row, because this loop is vectorized.
+/// Computes the key of each point, for cubes with this edge. Takes a whole row, because this loop is
+/// vectorized.
 fn find_keys(keys: &mut [Key], points: &[[f32; 4]], edge_m: f32) {
     for (key, &[x, y, z, _]) in keys.iter_mut().zip(points) {
         *key = Key::at([x, y, z], edge_m);

@@ -1,8 +1,9 @@
 //! Where a thing stands on the floor, by labels alone.
 //!
-//! In the image, a thing begins where the floor before it ends. On level floor, that place has a known distance, which does not
-//! depend on depth. So things are found whose depth is wrong, such as thin legs that depth blurs into the floor behind
-//! them. A flat thing must not count: the labels must continue as high as a thing would be that stands there.
+//! In the image, a thing begins where the floor before it ends. On level floor, that place has a known
+//! distance, which does not depend on depth. So things are found whose depth is wrong, such as thin legs that
+//! depth blurs into the floor behind them. A flat thing must not count: the labels must continue as high as a
+//! thing would be that stands there.
 
 use super::scan::Votes;
 use super::view::Cell;
@@ -11,7 +12,8 @@ use super::{Mount, ObstacleOptions};
 /// A thing must be this high to count, and this much higher than the clearance, meters.
 const MIN_HEIGHT_M: f32 = 0.15;
 const ABOVE_CLEARANCE_M: f32 = 0.05;
-/// A camera that is hardly higher than a thing would have to see it up to the horizon. This share of its height is enough.
+/// A camera that is hardly higher than a thing would have to see it up to the horizon. This share of its
+/// height is enough.
 const MAX_HEIGHT_SHARE: f32 = 0.75;
 
 /// How high a thing must be, as a share of the camera's height.
@@ -40,8 +42,8 @@ impl MinHeight {
         (options.clearance_m < share * camera_m).then_some(Self { camera_m, share })
     }
 
-    /// Walks from cell to cell. A thing at the distance of a cell is as high as the camera sees it above the cell of the same
-    /// direction whose tangent is less by that share.
+    /// Walks from cell to cell. A thing at the distance of a cell is as high as the camera sees it above the
+    /// cell of the same direction whose tangent is less by that share.
     pub(super) fn nearest(self, cells: &[Cell], votes: &[Votes]) -> Option<Contact> {
         let mut foot: Option<(&Cell, u8)> = None;
         for (cell, vote) in cells.iter().zip(votes) {
@@ -65,7 +67,8 @@ mod tests {
 
     const CHAIR: u8 = 3;
 
-    /// Cells of a camera 0.5 m above the floor, 4 samples each, with this number of samples labeled as a thing.
+    /// Cells of a camera 0.5 m above the floor, 4 samples each, with this number of samples labeled as a
+    /// thing.
     fn nearest(clearance_m: f32, others: &[u32]) -> Option<Contact> {
         let mount = Mount::new([0.0, 0.0, 0.5], [0.0; 3]).unwrap();
         let options = ObstacleOptions { clearance_m, ..ObstacleOptions::default() };

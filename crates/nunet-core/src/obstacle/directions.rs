@@ -63,7 +63,8 @@ pub(super) fn fill(
     }
 }
 
-/// Takes a thing that the labels show, if no obstacle is nearer or about as far away: depth is finer than cells.
+/// Takes a thing that the labels show, if no obstacle is nearer or about as far away: depth is finer than
+/// cells.
 fn add(sector: &mut ObstacleSector, Contact { range_m, height_m, label }: Contact, cell_growth: f32) {
     if sector.obstacle_m.is_nan() || sector.obstacle_m > range_m + gap(range_m, cell_growth) {
         (sector.obstacle_m, sector.label) = (range_m, label);
@@ -94,8 +95,8 @@ fn free_floor(cells: &[Cell], votes: &[Votes]) -> FreeFloor {
 
 /// The state of a sector, and up to where it is free, meters.
 ///
-/// The nearest point decides. An obstacle counts only if the floor is free up to it. Otherwise the direction is unknown from
-/// the end of the free floor on.
+/// The nearest point decides. An obstacle counts only if the floor is free up to it. Otherwise the direction
+/// is unknown from the end of the free floor on.
 fn conclude(
     sector: &ObstacleSector,
     floor: FreeFloor,
@@ -133,7 +134,8 @@ pub(super) struct Memory {
     turned: Vec<Option<(i64, ObstacleSector)>>,
 }
 
-/// An obstacle leaves the image at the bottom if it was last seen nearer than this times the nearest visible floor.
+/// An obstacle leaves the image at the bottom if it was last seen nearer than this times the nearest visible
+/// floor.
 const LEAVES_BELOW: f32 = 1.5;
 
 impl Memory {

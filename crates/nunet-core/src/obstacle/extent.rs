@@ -1,8 +1,9 @@
 //! Between which distances the whole width of a sector is in view.
 //!
-//! The sides of the image cut the outermost sectors. A camera that looks down sees less of them far away than near, and
-//! one that looks up less near than far away. An obstacle in the part that is cut off is not seen. So each sector is examined
-//! along a few lines from the base's origin. A line is in view where it passes between two neighboring samples.
+//! The sides of the image cut the outermost sectors. A camera that looks down sees less of them far away than
+//! near, and one that looks up less near than far away. An obstacle in the part that is cut off is not seen.
+//! So each sector is examined along a few lines from the base's origin. A line is in view where it passes
+//! between two neighboring samples.
 
 use std::f32::consts::{PI, TAU};
 
@@ -13,18 +14,20 @@ use super::{Mount, ObstacleOptions};
 /// Lines per sector. An obstacle that fills a quarter of the sector meets one.
 const LINES: usize = 4;
 
-/// Of the samples of a row or column, every one of this number is used. Between them, the view has straight sides.
+/// Of the samples of a row or column, every one of this number is used. Between them, the view has straight
+/// sides.
 const STEP: usize = 4;
 
 /// Samples of an obstacle that must be in view above the clearance.
 const MIN_SAMPLES: f32 = 2.0;
 
-/// If the lines of a sector enter or leave the view within this number of cells, the bottom or the top of the image
-/// cuts them, not a side. Then the visible floor alone decides.
+/// If the lines of a sector enter or leave the view within this number of cells, the bottom or the top of the
+/// image cuts them, not a side. Then the visible floor alone decides.
 const BOTTOM_CELLS: f32 = 2.0;
 const TOP_CELLS: f32 = 0.5;
 
-/// If the whole width is in view only from this many times the distance of the nearest floor on, the sector is unknown.
+/// If the whole width is in view only from this many times the distance of the nearest floor on, the sector
+/// is unknown.
 const MAX_NEAR_FACTOR: f32 = 1.5;
 
 /// Where something is in view, meters from the base's origin.
@@ -50,8 +53,8 @@ impl Extent {
         Self { from_m, until_m: if is_cut_by_top { f32::INFINITY } else { until_m } }
     }
 
-    /// From where on a sector is seen, and up to where it may be free. `near_m`: the nearest floor that any of its samples
-    /// looks at.
+    /// From where on a sector is seen, and up to where it may be free. `near_m`: the nearest floor that any
+    /// of its samples looks at.
     pub(super) fn limit(self, near_m: f32, cell_growth: f32) -> Self {
         let bottom_m = near_m + BOTTOM_CELLS * cell_growth * near_m * near_m;
         let from_m = if self.from_m > bottom_m { self.from_m } else { near_m };
@@ -70,12 +73,13 @@ struct Polar {
     range_m: f32,
 }
 
-/// The lines of all sectors, counterclockwise, and what is seen of them. The buffers are kept, so that another mount
-/// allocates nothing.
+/// The lines of all sectors, counterclockwise, and what is seen of them. The buffers are kept, so that
+/// another mount allocates nothing.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Lines {
     extents: Vec<Extent>,
-    /// The floor that every [`STEP`]th sample of every [`STEP`]th row looks at, and the point at the clearance.
+    /// The floor that every [`STEP`]th sample of every [`STEP`]th row looks at, and the point at the
+    /// clearance.
     points: Vec<[Polar; 2]>,
     /// The direction in the middle of the sectors, radians, and their number up to there.
     middle_rad: f32,
@@ -113,7 +117,8 @@ impl Plane {
         }
     }
 
-    /// Where a ray meets the floor, and where it is at the clearance. NaN for a ray that does not meet the floor.
+    /// Where a ray meets the floor, and where it is at the clearance. NaN for a ray that does not meet the
+    /// floor.
     fn points(&self, [x, y, z]: Direction) -> [[f32; 2]; 2] {
         let norm = length(x, y);
         let tangent = -z / norm;
@@ -126,8 +131,8 @@ impl Plane {
 }
 
 impl Lines {
-    /// Fills `extents`: between which distances the whole width of each sector is in view. `samples` are in rows of `columns`.
-    /// Cells at a distance are `cell_growth` times its square long.
+    /// Fills `extents`: between which distances the whole width of each sector is in view. `samples` are in
+    /// rows of `columns`. Cells at a distance are `cell_growth` times its square long.
     pub(super) fn find_extents(
         &mut self,
         (samples, columns): (&[Direction], usize),
@@ -179,8 +184,8 @@ impl Lines {
         self.cross(a_low, b_low, |extent, range_m| extent.until_m = extent.until_m.max(range_m));
     }
 
-    /// Calls `see` with each line between two points, and with the distance at which their connection crosses it. Nothing
-    /// is between points that are NaN.
+    /// Calls `see` with each line between two points, and with the distance at which their connection crosses
+    /// it. Nothing is between points that are NaN.
     fn cross(&mut self, a: &Polar, b: &Polar, see: impl Fn(&mut Extent, f32)) {
         let circle = self.circle as f32;
         let mut step = b.line - a.line;
@@ -193,8 +198,8 @@ impl Lines {
             return;
         }
         let (first, last, count) = (first.ceil() as i64, last.ceil() as i64, self.extents.len() as i64);
-        // Only the lines of the sectors are visited, also one turn earlier or later: a circle of very narrow ones has
-        // millions.
+        // Only the lines of the sectors are visited, also one turn earlier or later: a circle of very narrow
+        // ones has millions.
         for turn in [-self.circle, 0, self.circle] {
             for line in first.max(turn)..last.min(turn + count) {
                 let share = (line as f32 + 0.5 - a.line) / step;

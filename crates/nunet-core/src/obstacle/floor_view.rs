@@ -1,8 +1,8 @@
 //! The floor as depth shows it, regardless of the mount. Distinguishes a wrong mount from an unusual scene.
 //!
-//! A plane through three floor points is tried many times, and the one that most points agree with is refined by least
-//! squares. A point agrees if its depth is off by a small share. It runs only for frames that contradict the mount, so
-//! it may take a millisecond.
+//! A plane through three floor points is tried many times, and the one that most points agree with is refined
+//! by least squares. A point agrees if its depth is off by a small share. It runs only for frames that
+//! contradict the mount, so it may take a millisecond.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -16,10 +16,11 @@ const TRIALS: usize = 80;
 const AGREEMENT: f32 = 0.12;
 /// The share of the points that must agree.
 const MIN_AGREEING: f32 = 0.6;
-/// How far the normal of a floor may be from the image's vertical, as a cosine: 70 degrees. A wall ahead has 90.
+/// How far the normal of a floor may be from the image's vertical, as a cosine: 70 degrees. A wall ahead has
+/// 90.
 const MIN_COSINE: f32 = 0.34;
-/// The mount is wrong if the floor is inclined by more than this, radians, or if the heights differ by this factor.
-/// Networks are off by less; for some, all depth is twice too far.
+/// The mount is wrong if the floor is inclined by more than this, radians, or if the heights differ by this
+/// factor. Networks are off by less; for some, all depth is twice too far.
 const MAX_ANGLE_RAD: f32 = 0.14;
 const MAX_FACTOR: f32 = 3.0;
 
@@ -101,7 +102,8 @@ fn is_below(inverse: &Vector3<f32>) -> bool {
 mod tests {
     use super::*;
 
-    /// Floor as a camera with this mount sees it, with depth off by up to 5 % and every fifth point on something else.
+    /// Floor as a camera with this mount sees it, with depth off by up to 5 % and every fifth point on
+    /// something else.
     fn floor(mount: &Mount) -> Vec<[f32; 3]> {
         let below = FloorView::of_mount(mount);
         let rays = (0..40).flat_map(|row| {

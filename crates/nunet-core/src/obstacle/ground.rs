@@ -1,10 +1,11 @@
 //! The ground: a plane near the expected one.
 //!
-//! The mount says where the floor is. This module corrects small deviations, such as vibration, a soft tire or a ramp.
-//! Candidates are the samples near the expected floor (labeled floor, if there are labels). A plane is fitted by
-//! iteratively reweighted least squares (Tukey's weights) while the gate shrinks. A weak prior pulls towards the
-//! expected plane if the candidates do not determine the plane. A result that is too steep, too far off, or has too few
-//! inliers is rejected, and the expected plane is used. So the plane cannot lock onto a table.
+//! The mount says where the floor is. This module corrects small deviations, such as vibration, a soft tire
+//! or a ramp. Candidates are the samples near the expected floor (labeled floor, if there are labels). A
+//! plane is fitted by iteratively reweighted least squares (Tukey's weights) while the gate shrinks. A weak
+//! prior pulls towards the expected plane if the candidates do not determine the plane. A result that is too
+//! steep, too far off, or has too few inliers is rejected, and the expected plane is used. So the plane
+//! cannot lock onto a table.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -18,8 +19,8 @@ const ROUNDS: i32 = 6;
 /// The first gate: meters, and meters per meter of distance.
 const GATE_M: f32 = 0.05;
 const GATE_SLOPE: f32 = 0.07;
-/// Scatter of the floor's height, meters: at least this, and this share of the camera's height (a depth that is wrong by
-/// a share moves a floor point by the same share of the camera's height).
+/// Scatter of the floor's height, meters: at least this, and this share of the camera's height (a depth that
+/// is wrong by a share moves a floor point by the same share of the camera's height).
 const SCATTER_M: f32 = 0.01;
 const SCATTER_SHARE: f32 = 0.02;
 /// The prior: standard deviations of slope and height.
@@ -143,7 +144,8 @@ impl GroundFit {
     /// One step of the reweighted least squares; `None` if there is no solution.
     fn solve(&mut self, ground: &Ground, round: i32) -> Option<Ground> {
         let gate = self.gate(round);
-        // A loop of its own, because it is vectorized. The sums are not: another order would change their rounding.
+        // A loop of its own, because it is vectorized. The sums are not: another order would change their
+        // rounding.
         self.weights.clear();
         self.weights.extend(self.candidates.iter().map(|&Candidate { point, distance_m }| {
             let share = ground.height_above(point) / gate.at(distance_m);
@@ -152,7 +154,8 @@ impl GroundFit {
         }));
         let precision = 1.0 / f64::from(self.scatter_m()).powi(2);
         let prior = [PRIOR_SLOPE, PRIOR_SLOPE, PRIOR_HEIGHT_M].map(|deviation| deviation.powi(-2));
-        // The normal matrix is symmetric; these are its different entries for the unknowns slope x, slope y and height.
+        // The normal matrix is symmetric; these are its different entries for the unknowns slope x, slope y
+        // and height.
         let [mut xx, mut yy, mut hh] = prior;
         let [mut xy, mut xh, mut yh] = [0.0; 3];
         let mut right = [0.0; 3];

@@ -46,7 +46,8 @@ impl Nearest {
         self.obstacle_m + DEPTH_OF_OBSTACLE_M
     }
 
-    /// A sector without a state. Until it has one, `range_m` is the distance of the nearest deceptive surface.
+    /// A sector without a state. Until it has one, `range_m` is the distance of the nearest deceptive
+    /// surface.
     fn sector(&self) -> ObstacleSector {
         let sector = ObstacleSector { range_m: self.deceptive_m, ..ObstacleSector::UNKNOWN };
         if self.obstacle_m.is_infinite() {
@@ -69,7 +70,8 @@ impl Hits {
         self.nearest.fill(Nearest::NOTHING);
     }
 
-    /// Takes a point of an obstacle; one without a sector is ignored. Its label is read only if it is the nearest one.
+    /// Takes a point of an obstacle; one without a sector is ignored. Its label is read only if it is the
+    /// nearest one.
     #[inline]
     pub(super) fn add(&mut self, sector: u32, [range_m, height_m]: [f32; 2], label: impl FnOnce() -> u8) {
         let Some(nearest) = self.nearest.get_mut(sector as usize) else {

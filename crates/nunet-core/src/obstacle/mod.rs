@@ -1,15 +1,16 @@
 //! From depth to obstacles: which directions around the robot are free.
 //!
-//! All results are in the leveled base frame (REP 103: x forward, y left, z up), whose origin is on the floor. The
-//! [`Mount`] says where the camera is in it. Depth must be in meters.
+//! All results are in the leveled base frame (REP 103: x forward, y left, z up), whose origin is on the
+//! floor. The [`Mount`] says where the camera is in it. Depth must be in meters.
 //!
 //! Steps of a frame, each in its own module:
 //! 1. The *ground* is a plane near the expected floor, fitted to samples that may be floor.
-//! 2. Each sample shows floor, an obstacle (higher than the clearance, lower than the robot), a deceptive surface
-//!    (window, mirror, screen), missing floor, or nothing.
-//! 3. *Obstacle points*: isolated samples and those on a depth edge are removed, the others are reduced to one per cube.
-//! 4. *Sectors*: in each direction the floor must be seen cell by cell, from near to far. Its end decides the state. Labels
-//!    show where a thing stands on the floor, also if its depth is wrong.
+//! 2. Each sample shows floor, an obstacle (higher than the clearance, lower than the robot), a deceptive
+//!    surface (window, mirror, screen), missing floor, or nothing.
+//! 3. *Obstacle points*: isolated samples and those on a depth edge are removed, the others are reduced to
+//!    one per cube.
+//! 4. *Sectors*: in each direction the floor must be seen cell by cell, from near to far. Its end decides the
+//!    state. Labels show where a thing stands on the floor, also if its depth is wrong.
 //!
 //! Images wider than 320 pixels are sampled at each second, third, ... column and row.
 //!
@@ -145,7 +146,8 @@ pub struct ObstacleDetector {
 }
 
 impl ObstacleDetector {
-    /// For depth maps of `camera`, at the size of its intrinsics. `classes` are the names of the labels, index = label.
+    /// For depth maps of `camera`, at the size of its intrinsics. `classes` are the names of the labels,
+    /// index = label.
     ///
     /// # Errors
     /// An option out of range.
@@ -183,9 +185,9 @@ impl ObstacleDetector {
         })
     }
 
-    /// Takes another mount from the next frame on, such as that of a tilted robot ([`Mount::on_tilted_base`]). Computes the
-    /// tables again; allocates only if the camera sees more floor than with any mount before. Remembered obstacles keep their
-    /// directions.
+    /// Takes another mount from the next frame on, such as that of a tilted robot
+    /// ([`Mount::on_tilted_base`]). Computes the tables again; allocates only if the camera sees more floor
+    /// than with any mount before. Remembered obstacles keep their directions.
     pub fn set_mount(&mut self, mount: Mount) {
         std::mem::swap(&mut self.view.sectors, &mut self.last_sectors);
         self.view.set_mount(&self.rays, &mount, &self.options);
@@ -197,8 +199,8 @@ impl ObstacleDetector {
         self.obstacles.angle_step_rad = self.view.sectors.angle_step_rad;
     }
 
-    /// The share of the image that looks at floor within range, 0 to 1. At 0 the camera never sees floor, and no
-    /// direction can be free.
+    /// The share of the image that looks at floor within range, 0 to 1. At 0 the camera never sees floor, and
+    /// no direction can be free.
     #[must_use]
     pub fn floor_in_view(&self) -> f32 {
         self.view.floor_in_view()
@@ -221,7 +223,8 @@ impl ObstacleDetector {
         self.memory.clear();
     }
 
-    /// Finds the obstacles of one frame. `time_nanos` is its capture time; only differences count. Allocates nothing.
+    /// Finds the obstacles of one frame. `time_nanos` is its capture time; only differences count. Allocates
+    /// nothing.
     ///
     /// # Errors
     /// Buffers of another size than the camera's image.
@@ -261,8 +264,9 @@ impl ObstacleDetector {
         Ok(())
     }
 
-    /// The floor that a frame shows, whatever the mount says: the plane of what is labeled floor, without labels of the lower
-    /// half of the image. `None` if that is no plane below the camera. Allocates; for frames that contradict the mount.
+    /// The floor that a frame shows, whatever the mount says: the plane of what is labeled floor, without
+    /// labels of the lower half of the image. `None` if that is no plane below the camera. Allocates; for
+    /// frames that contradict the mount.
     #[must_use]
     pub fn floor_view(&self, image: &DepthImage<'_>) -> Option<FloorView> {
         self.check(image).ok()?;

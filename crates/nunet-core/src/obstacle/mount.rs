@@ -12,7 +12,8 @@ const MAX_ELEVATION_DEG: f64 = 80.0;
 /// The farthest camera from the base: no robot is that large, and a larger number is no length in meters.
 const MAX_DISTANCE_M: f64 = 1000.0;
 
-/// The camera in the leveled base frame of the robot (REP 103: x forward, y left, z up), whose origin is on the floor.
+/// The camera in the leveled base frame of the robot (REP 103: x forward, y left, z up), whose origin is on
+/// the floor.
 ///
 /// # Example: 0.25 m above the floor, 4 degrees up
 /// ```
@@ -34,13 +35,13 @@ pub struct Mount {
 }
 
 impl Mount {
-    /// From position `[x, y, z]`, meters, and rotation `[roll, pitch, yaw]`, radians about the fixed axes x, y and z in
-    /// this order, both of the camera's body frame (x forward). `z` is the height above the floor; positive pitch looks
-    /// down.
+    /// From position `[x, y, z]`, meters, and rotation `[roll, pitch, yaw]`, radians about the fixed axes x,
+    /// y and z in this order, both of the camera's body frame (x forward). `z` is the height above the floor;
+    /// positive pitch looks down.
     ///
     /// # Errors
-    /// Numbers that are not finite, a position beyond 1 km, angles beyond a turn, a camera that is not above the floor, or one
-    /// that looks up by more than 80 degrees.
+    /// Numbers that are not finite, a position beyond 1 km, angles beyond a turn, a camera that is not above
+    /// the floor, or one that looks up by more than 80 degrees.
     pub fn new(position_m: [f64; 3], roll_pitch_yaw_rad: [f64; 3]) -> Result<Self, ObstacleError> {
         let [x, y, z] = position_m;
         let [roll, pitch, yaw] = roll_pitch_yaw_rad;
@@ -74,8 +75,8 @@ impl Mount {
         Self::new(self.position_m(), [roll_rad, pitch_rad, self.roll_pitch_yaw_rad[2]])
     }
 
-    /// The mount while the base is tilted: the base's roll and pitch, as an inertial sensor measures them, turn camera and
-    /// position about the base's origin.
+    /// The mount while the base is tilted: the base's roll and pitch, as an inertial sensor measures them,
+    /// turn camera and position about the base's origin.
     ///
     /// # Errors
     /// Those of [`Self::new`].
@@ -122,8 +123,8 @@ impl Mount {
     }
 }
 
-/// Checks that a camera is at most 1 km from the origin of the base, and that roll, pitch and yaw are within a turn of 2π.
-/// Larger angles are degrees.
+/// Checks that a camera is at most 1 km from the origin of the base, and that roll, pitch and yaw are within
+/// a turn of 2π. Larger angles are degrees.
 ///
 /// # Errors
 /// It is farther, a coordinate is NaN, or the first angle that is larger.

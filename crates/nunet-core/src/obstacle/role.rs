@@ -21,7 +21,8 @@ const DECEPTIVE: [&str; 10] =
 impl Role {
     /// The role of a class by its name, such as `windowpane, window`: a list of synonyms.
     ///
-    /// Any word makes a class deceptive (`glass door`), but only the last of a synonym makes it floor (`floor lamp`).
+    /// Any word makes a class deceptive (`glass door`), but only the last of a synonym makes it floor
+    /// (`floor lamp`).
     fn of(name: &str) -> Self {
         let name = name.to_lowercase();
         let words = |text| str::split(text, |letter: char| !letter.is_alphanumeric());

@@ -8,8 +8,8 @@ use super::{DepthImage, Ground};
 
 /// Neighbors whose depth differs by less than this share lie on the same surface.
 const SAME_SURFACE: f32 = 0.05;
-/// If the steps to both neighbors of a line are larger than this share and have the same direction, the sample is on a
-/// blurred depth edge.
+/// If the steps to both neighbors of a line are larger than this share and have the same direction, the
+/// sample is on a blurred depth edge.
 const FLYING_STEP: f32 = 0.06;
 /// Depth of this confidence is right within 5 %. It is trusted more than labels.
 const CERTAIN: u8 = 227;
@@ -34,7 +34,8 @@ pub(super) struct Votes {
 /// Works row by row, in loops without branches over slices of the same length, because these are vectorized.
 #[derive(Debug, Clone)]
 pub(super) struct Scan {
-    /// Depth of each sample, meters, with a border of NaN, so that samples at the edge have four neighbors too.
+    /// Depth of each sample, meters, with a border of NaN, so that samples at the edge have four neighbors
+    /// too.
     depth_m: Vec<f32>,
     pub(super) votes: Vec<Votes>,
     pub(super) line: Line,
@@ -48,7 +49,8 @@ pub(super) struct Scan {
 #[derive(Debug, Clone)]
 pub(super) struct Line {
     pub(super) kinds: Vec<SampleKind>,
-    /// x, y, z in the base frame, and height above ground, meters. In one array, because the cubes need all four.
+    /// x, y, z in the base frame, and height above ground, meters. In one array, because the cubes need all
+    /// four.
     pub(super) points: Vec<[f32; 4]>,
     /// The squares of the distances from the base's origin, square meters.
     pub(super) ranges_squared: Vec<f32>,
@@ -100,7 +102,8 @@ impl Scan {
         self.votes.fill(Votes::default());
     }
 
-    /// Classifies each sample of a row, and counts the votes of the cells. Returns whether any sample is solid.
+    /// Classifies each sample of a row, and counts the votes of the cells. Returns whether any sample is
+    /// solid.
     pub(super) fn classify_row(
         &mut self,
         row: usize,
@@ -182,7 +185,8 @@ impl Scan {
         }
     }
 
-    /// Counts the votes of a row's labels, where depth is not certain. Without labels or confidence there are none.
+    /// Counts the votes of a row's labels, where depth is not certain. Without labels or confidence there are
+    /// none.
     fn vote_things(&mut self, row: usize, image: &DepthImage<'_>, view: &View) {
         let (Some(labels), Some(confidence)) = (image.labels, image.confidence) else { return };
         let line = row * view.stride * view.width..(row * view.stride + 1) * view.width;
@@ -197,8 +201,8 @@ impl Scan {
         }
     }
 
-    /// Removes samples from the obstacles that do not lie on a surface: those with too few neighbors of almost the same depth,
-    /// and those on a blurred edge between a near and a far surface.
+    /// Removes samples from the obstacles that do not lie on a surface: those with too few neighbors of
+    /// almost the same depth, and those on a blurred edge between a near and a far surface.
     #[allow(clippy::needless_range_loop, reason = "several slices at once; zips are not vectorized as well")]
     fn remove_unsupported(&mut self, row: usize) {
         let (columns, pitch) = (self.columns, self.columns + 2);
@@ -255,7 +259,8 @@ fn valid(depth: f32) -> f32 {
     if (depth > 0.0) & (depth < f32::INFINITY) { depth } else { f32::NAN }
 }
 
-/// Whether a sample lies on a surface, from the relative steps of depth to its neighbors: left, right, above, below.
+/// Whether a sample lies on a surface, from the relative steps of depth to its neighbors: left, right, above,
+/// below.
 #[inline]
 fn is_supported(steps: [f32; 4]) -> bool {
     let [left, right, above, below] = steps;

@@ -2,13 +2,15 @@
 
 use std::f32::consts::TAU;
 
-/// The point of a sample at depth 1, relative to the camera, in the base frame; NaN for a pixel without a ray.
+/// The point of a sample at depth 1, relative to the camera, in the base frame; NaN for a pixel without a
+/// ray.
 pub(super) type Direction = [f32; 3];
 
 /// A sample without a cell, or without a sector.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// The length of a vector. Nothing overflows at the scale of rooms, and it is several times faster than `hypot`.
+/// The length of a vector. Nothing overflows at the scale of rooms, and it is several times faster than
+/// `hypot`.
 #[inline]
 pub(super) fn length(x: f32, y: f32) -> f32 {
     (x * x + y * y).sqrt()
@@ -25,8 +27,8 @@ pub(super) fn unit_vector(angle_rad: f32) -> [f32; 2] {
     [cos, sin]
 }
 
-/// Whether the direction of a point is between two unit vectors, the right and the left one, and within a quarter of a turn of
-/// the right one. Needs no arc tangent.
+/// Whether the direction of a point is between two unit vectors, the right and the left one, and within a
+/// quarter of a turn of the right one. Needs no arc tangent.
 #[inline]
 pub(super) fn is_between([x, y]: [f32; 2], [right, left]: [[f32; 2]; 2]) -> bool {
     let left_of = |[cos, sin]: [f32; 2]| cos * y - sin * x >= 0.0;

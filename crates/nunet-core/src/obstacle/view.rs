@@ -1,9 +1,9 @@
-//! Where each sampled pixel looks in the base frame. Computed once per camera and mount. Another mount takes the memory
-//! of the one before.
+//! Where each sampled pixel looks in the base frame. Computed once per camera and mount. Another mount takes
+//! the memory of the one before.
 //!
-//! The floor is divided into cells as the camera sees them: by sector, and within a sector by the tangent of the angle
-//! below the horizon, so that every cell has a few pixels near and far. A direction is free as far as its cells show
-//! floor, from near to far.
+//! The floor is divided into cells as the camera sees them: by sector, and within a sector by the tangent of
+//! the angle below the horizon, so that every cell has a few pixels near and far. A direction is free as far
+//! as its cells show floor, from near to far.
 
 use std::f32::consts::{PI, TAU};
 use std::ops::Range;
@@ -25,8 +25,8 @@ const CELL_SAMPLES: f32 = 2.0;
 /// Floor nearer to the camera than its height divided by this is one cell.
 const MAX_TANGENT: f32 = 4.0;
 
-/// If a camera sees no floor, rays above this elevation do not widen the field of view, because near the zenith the azimuth is
-/// undefined.
+/// If a camera sees no floor, rays above this elevation do not widen the field of view, because near the
+/// zenith the azimuth is undefined.
 const MAX_ELEVATION_TANGENT: f32 = 1.0;
 
 /// More than the rounding error of an angle.
@@ -83,16 +83,18 @@ pub(super) struct View {
     /// Samples of a row, and rows of samples.
     pub(super) columns: usize,
     pub(super) rows: usize,
-    /// By axis: the point of each sample at depth 1, relative to the camera, in the base frame; NaN without a ray.
+    /// By axis: the point of each sample at depth 1, relative to the camera, in the base frame; NaN without a
+    /// ray.
     pub(super) directions: [Vec<f32>; 3],
-    /// The cell of the floor that each sample looks at, on level ground; [`NONE`] if it does not look at floor within
-    /// range.
+    /// The cell of the floor that each sample looks at, on level ground; [`NONE`] if it does not look at
+    /// floor within range.
     pub(super) cell_of: Vec<u32>,
     /// The rows from the first to the last one with a cell.
     pub(super) floor_rows: Range<usize>,
     /// The sector of each sample's direction; a first guess for the sector of its point.
     pub(super) sector_of: Vec<u32>,
-    /// Row and column of the samples that the ground is fitted to: evenly spread over those that look at floor.
+    /// Row and column of the samples that the ground is fitted to: evenly spread over those that look at
+    /// floor.
     pub(super) ground_samples: Vec<[u32; 2]>,
     /// By sector, from near to far.
     pub(super) cells: Vec<Cell>,
@@ -131,8 +133,8 @@ impl View {
         view
     }
 
-    /// Computes everything again for another mount of the same camera, with the same options. Allocates only if the camera sees
-    /// more cells of the floor than before.
+    /// Computes everything again for another mount of the same camera, with the same options. Allocates only
+    /// if the camera sees more cells of the floor than before.
     pub(super) fn set_mount(&mut self, rays: &RayTable, mount: &Mount, options: &ObstacleOptions) {
         let mut work = std::mem::take(&mut self.work);
         work.samples.clear();
@@ -189,7 +191,8 @@ impl View {
         self.number_cells(work);
     }
 
-    /// The floor that the first sample would look at in this direction; `None` beyond the range and outside the sectors.
+    /// The floor that the first sample would look at in this direction; `None` beyond the range and outside
+    /// the sectors.
     fn floor_of(
         &self,
         ([x, y, z], sector): (Direction, u32),
@@ -267,8 +270,8 @@ impl View {
     }
 }
 
-/// The azimuths that the sectors cover, radians: those in which the camera sees floor within range. If it sees no floor, those
-/// in which it sees anything.
+/// The azimuths that the sectors cover, radians: those in which the camera sees floor within range. If it
+/// sees no floor, those in which it sees anything.
 fn field_of_view(samples: &[Direction], mount: &Mount, options: &ObstacleOptions) -> (f32, f32) {
     let axis = mount.direction([0.0, 0.0, 1.0]);
     let yaw = (axis.y as f32).atan2(axis.x as f32);

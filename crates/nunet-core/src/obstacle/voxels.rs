@@ -37,7 +37,8 @@ pub(super) struct Voxels {
     cubes: Vec<Cube>,
     /// The cubes before they are merged into larger ones.
     smaller: Vec<Cube>,
-    /// A hash table with open addressing: a cube is in the slot of its key's hash, or in one of the next slots.
+    /// A hash table with open addressing: a cube is in the slot of its key's hash, or in one of the next
+    /// slots.
     slots: Vec<u64>,
 }
 
@@ -61,8 +62,9 @@ impl Voxels {
         self.edge_m
     }
 
-    /// Adds a point (x, y, z, height) to the cube at `key`, which follows from the present length of edges. The point must
-    /// be finite and within a kilometer. Returns the index of the cube; one of the `guesses` is probably the same one.
+    /// Adds a point (x, y, z, height) to the cube at `key`, which follows from the present length of edges.
+    /// The point must be finite and within a kilometer. Returns the index of the cube; one of the `guesses`
+    /// is probably the same one.
     #[inline]
     pub(super) fn add(
         &mut self,
@@ -87,7 +89,8 @@ impl Voxels {
         index
     }
 
-    /// Writes at most `most` points to `out`: the mean of each cube. Makes the cubes larger until they are few enough.
+    /// Writes at most `most` points to `out`: the mean of each cube. Makes the cubes larger until they are
+    /// few enough.
     pub(super) fn take(&mut self, most: usize, out: &mut Vec<ObstaclePoint>) {
         while self.cubes.len() > most && self.edge_m < MAX_EDGE_M {
             self.coarsen();
@@ -164,8 +167,9 @@ impl Key {
 
 /// The lower 16 bits of the largest integer up to a number between ±2^21.
 ///
-/// Adding this sum of powers of two rounds a number to the nearest integer, which is then in the lower bits. `f32::floor` is
-/// a function call on processors without SSE 4.1, and conversions to integers check the range; this is vectorized.
+/// Adding this sum of powers of two rounds a number to the nearest integer, which is then in the lower bits.
+/// `f32::floor` is a function call on processors without SSE 4.1, and conversions to integers check the
+/// range; this is vectorized.
 #[inline]
 fn floor(value: f32) -> u16 {
     const TO_INTEGER: f32 = (3 << 22) as f32;

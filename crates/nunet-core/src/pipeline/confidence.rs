@@ -6,7 +6,8 @@ use crate::graph::SerialGraph;
 
 /// Where the confidence of the last frame is; 0 where depth is invalid or was filled in by a filter.
 ///
-/// It is adapted in the memory that the network wrote, the caller's or its own. Only decimation makes another map.
+/// It is adapted in the memory that the network wrote, the caller's or its own. Only decimation makes another
+/// map.
 pub(super) struct ConfidenceMap {
     /// `[H, W]` at the size of the results; empty without decimation, and for a network without confidence.
     reduced: Vec<u8>,
@@ -21,9 +22,9 @@ impl ConfidenceMap {
         Self { reduced: vec![0; pixels], is_left: false }
     }
 
-    /// Takes note of where the confidence of a frame is: in `memory`, else where `network` kept it. There it is adapted to
-    /// `filtered` depth, if there are filters: it is adapted to decoded depth already. With decimation, it is the mean of
-    /// each block.
+    /// Takes note of where the confidence of a frame is: in `memory`, else where `network` kept it. There it
+    /// is adapted to `filtered` depth, if there are filters: it is adapted to decoded depth already. With
+    /// decimation, it is the mean of each block.
     pub(super) fn finish(
         &mut self,
         network: &mut Network,
@@ -46,7 +47,8 @@ impl ConfidenceMap {
         Ok(())
     }
 
-    /// `[H, W]` at the size of the results; `None` if the network has none, or it was written into the caller's memory.
+    /// `[H, W]` at the size of the results; `None` if the network has none, or it was written into the
+    /// caller's memory.
     pub(super) fn values<'a>(&'a self, network: &'a Network) -> Option<&'a [u8]> {
         let of_network = network.confidence().filter(|_| !self.is_left)?;
         Some(if self.reduced.is_empty() { of_network } else { &self.reduced })

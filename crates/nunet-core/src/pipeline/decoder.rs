@@ -48,7 +48,8 @@ impl Decoder {
         })
     }
 
-    /// Points of the cloud farther from the camera have no coordinates. The range is the network's, before the factor.
+    /// Points of the cloud farther from the camera have no coordinates. The range is the network's, before
+    /// the factor.
     pub(super) fn max_range_m(&self) -> f32 {
         let of_model = || {
             if self.encoding.is_metric() { self.range.max_m() * self.scale.factor } else { f32::INFINITY }
@@ -56,9 +57,9 @@ impl Decoder {
         self.max_range_m.unwrap_or_else(of_model)
     }
 
-    /// Decodes to depth, in place, adapts the confidence to it, and applies the correction by the floor, for which labels and
-    /// confidence are used. Those that are not in `results` are those that `network` kept. Returns the number of invalid
-    /// pixels.
+    /// Decodes to depth, in place, adapts the confidence to it, and applies the correction by the floor, for
+    /// which labels and confidence are used. Those that are not in `results` are those that `network` kept.
+    /// Returns the number of invalid pixels.
     pub(super) fn decode(
         &mut self,
         network: &mut Network,
@@ -101,8 +102,8 @@ impl Decoder {
     }
 }
 
-/// The scale of all frames. Both focal lengths are compared at the network's width. A network that takes the camera as an
-/// input corrects for it by itself.
+/// The scale of all frames. Both focal lengths are compared at the network's width. A network that takes the
+/// camera as an input corrects for it by itself.
 fn scale(graph: &SerialGraph, options: &PipelineOptions, lens: &Lens) -> Result<Scale, PipelineError> {
     let (description, width) = (graph.description(), f64::from(graph.size().width));
     let encoding = description.encoding;

@@ -10,8 +10,8 @@ use crate::framing::Framing;
 impl Pipeline {
     /// Sets the camera of the frames from now on; `None` if it is not known.
     ///
-    /// Without a camera, points and meters are those of an assumed one: the training camera, else a webcam with a
-    /// horizontal field of view of 60 degrees. Computes the table of rays again.
+    /// Without a camera, points and meters are those of an assumed one: the training camera, else a webcam
+    /// with a horizontal field of view of 60 degrees. Computes the table of rays again.
     ///
     /// # Errors
     /// A camera that cannot be scaled to the network's size.
@@ -22,7 +22,8 @@ impl Pipeline {
     }
 
     /// Prepares for images of another size: which part of them the network sees, and the camera of that part.
-    /// [`Self::process`] does it too. Called before, the camera of the results is known before the first frame.
+    /// [`Self::process`] does it too. Called before, the camera of the results is known before the first
+    /// frame.
     ///
     /// # Errors
     /// A camera that cannot be scaled to this size.

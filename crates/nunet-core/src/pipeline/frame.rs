@@ -12,20 +12,22 @@ use crate::stability::StabilityChange;
 /// Buffers of the caller for the results of a frame.
 #[derive(Debug)]
 pub struct Outputs<'a> {
-    /// `[H, W]` at [`super::Pipeline::size`]: meters (or no unit, see [`FrameReport::units`]), NaN where nothing was measured.
+    /// `[H, W]` at [`super::Pipeline::size`]: meters (or no unit, see [`FrameReport::units`]), NaN where
+    /// nothing was measured.
     pub depth_m: &'a mut [f32],
     /// `[H, W]`: class indices; `None` if they are not needed.
     pub labels: Option<&'a mut [u8]>,
-    /// `[H, W]`: confidence of depth, 255 = certain, 0 where depth is invalid or was filled in by a filter. Without memory of
-    /// the caller it stays inside ([`super::Pipeline::confidence`]).
+    /// `[H, W]`: confidence of depth, 255 = certain, 0 where depth is invalid or was filled in by a filter.
+    /// Without memory of the caller it stays inside ([`super::Pipeline::confidence`]).
     pub confidence: Option<&'a mut [u8]>,
     /// [`super::Pipeline::cloud_size`] points; `None` if they are not needed.
     pub cloud: Option<&'a mut [CloudPoint]>,
 }
 
 impl Outputs<'_> {
-    /// Refuses memory for results that `graph` does not have, and memory of another length than results of `size` and
-    /// `cloud_size` have. Called first: a network with a state must not take a frame that fails afterwards.
+    /// Refuses memory for results that `graph` does not have, and memory of another length than results of
+    /// `size` and `cloud_size` have. Called first: a network with a state must not take a frame that fails
+    /// afterwards.
     pub(super) fn check(
         &self,
         graph: &SerialGraph,
@@ -83,16 +85,16 @@ pub struct FrameReport {
     pub scale_factor: f32,
     /// Nanoseconds since the factor was measured; 0 for one that does not change.
     pub scale_age_nanos: i64,
-    /// Bytes copied or resized: the network's input, labels of a stage that does not run for each frame, depth of another
-    /// size than the network's image, and results taken out of padding. 0 if the camera's images have the network's size
-    /// and format and every stage runs for each frame.
+    /// Bytes copied or resized: the network's input, labels of a stage that does not run for each frame,
+    /// depth of another size than the network's image, and results taken out of padding. 0 if the camera's
+    /// images have the network's size and format and every stage runs for each frame.
     pub bytes_copied: u64,
     /// Pixels of the depth map that are NaN, after the filters.
     pub invalid_pixels: u32,
     /// How depth changed since the last frame, if the image did not; see [`crate::stability`].
     pub stability: Option<StabilityChange>,
-    /// The camera at [`super::Pipeline::size`], with its lens distortion: depth maps are not rectified. `None` if the camera is
-    /// not known.
+    /// The camera at [`super::Pipeline::size`], with its lens distortion: depth maps are not rectified.
+    /// `None` if the camera is not known.
     pub camera: Option<Camera>,
     /// The part of the image that the results cover, pixels of the image.
     pub view: PixelRect,

@@ -12,7 +12,8 @@ use crate::framing::Framing;
 use crate::graph::SerialGraph;
 use crate::model::{ModelDescription, TrainingCamera};
 
-/// Horizontal field of view of an unknown camera for a model without a training camera: that of a common webcam.
+/// Horizontal field of view of an unknown camera for a model without a training camera: that of a common
+/// webcam.
 const ASSUMED_HFOV_RAD: f64 = std::f64::consts::FRAC_PI_3;
 
 /// The camera, known or assumed.
@@ -75,7 +76,8 @@ impl Lens {
     }
 }
 
-/// The training camera, else one of [`ASSUMED_HFOV_RAD`], with its principal point in the middle of the image.
+/// The training camera, else one of [`ASSUMED_HFOV_RAD`], with its principal point in the middle of the
+/// image.
 fn assumed_camera(description: &ModelDescription, width: u32, height: u32) -> Result<Camera, CameraError> {
     let middle = |side: u32| (f64::from(side) - 1.0) / 2.0;
     let intrinsics = match description.camera {

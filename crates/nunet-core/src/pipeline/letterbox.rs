@@ -7,8 +7,9 @@ use crate::graph::{DepthResize, GraphOutputs, SerialGraph};
 
 /// The image with padding, and the network's results that still have it.
 ///
-/// Results are resized to the network's size, so that buffers keep one size whatever the size of the images. (Results of the
-/// padded image's inner size would need other sizes of shared memory for each size of images.)
+/// Results are resized to the network's size, so that buffers keep one size whatever the size of the images.
+/// (Results of the padded image's inner size would need other sizes of shared memory for each size of
+/// images.)
 pub(super) struct Letterbox {
     pub(super) canvas: Canvas,
     pub(super) inner: Inner,
@@ -57,7 +58,8 @@ impl Canvas {
     }
 }
 
-/// The network's results of the padded image, and those that were taken out of them and not into the caller's memory.
+/// The network's results of the padded image, and those that were taken out of them and not into the caller's
+/// memory.
 pub(super) struct Inner {
     /// `[H, W]`, with padding.
     pub(super) depth: Vec<f32>,
@@ -86,8 +88,8 @@ impl Inner {
         }
     }
 
-    /// Takes depth out of its padding, and labels and confidence out of those of the graph. Those that are not in `results`
-    /// stay here. Returns how many bytes were written.
+    /// Takes depth out of its padding, and labels and confidence out of those of the graph. Those that are
+    /// not in `results` stay here. Returns how many bytes were written.
     pub(super) fn take_results(&mut self, results: GraphOutputs<'_>, graph: &SerialGraph) -> u64 {
         let GraphOutputs { depth, labels, confidence } = results;
         self.resize.fill(&self.depth, depth);

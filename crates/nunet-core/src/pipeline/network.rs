@@ -54,8 +54,8 @@ impl Network {
         self.framing = framing;
     }
 
-    /// Runs the graph on a frame; returns its report and how many bytes were copied for its input. With padding, the results
-    /// stay inside until [`Self::take_results`].
+    /// Runs the graph on a frame; returns its report and how many bytes were copied for its input. With
+    /// padding, the results stay inside until [`Self::take_results`].
     pub(super) fn run(
         &mut self,
         frame: &ImageView<'_>,
@@ -83,15 +83,15 @@ impl Network {
         Ok((timer.extend(graph.run(input, padded, clock)?), bytes_copied))
     }
 
-    /// Fills `results` if they have not been filled by [`Self::run`]: without the padding. Returns how many bytes were
-    /// copied.
+    /// Fills `results` if they have not been filled by [`Self::run`]: without the padding. Returns how many
+    /// bytes were copied.
     pub(super) fn take_results(&mut self, results: GraphOutputs<'_>) -> u64 {
         let Some(Letterbox { inner, .. }) = &mut self.letterbox else { return 0 };
         inner.take_results(results, &self.graph)
     }
 
-    /// The confidence of the last frame's depth, pixel on pixel with the results, if the network has one. It is valid only
-    /// if it was not written into the caller's memory.
+    /// The confidence of the last frame's depth, pixel on pixel with the results, if the network has one. It
+    /// is valid only if it was not written into the caller's memory.
     pub(super) fn confidence(&self) -> Option<&[u8]> {
         let padded = self.graph.confidence()?;
         Some(self.letterbox.as_ref().map_or(padded, |letterbox| &letterbox.inner.confidence[..]))
@@ -103,8 +103,8 @@ impl Network {
         Some(self.letterbox.as_mut().map_or(padded, |letterbox| &mut letterbox.inner.confidence[..]))
     }
 
-    /// Colors and labels of the last frame, which was `frame`, pixel on pixel with the results. Labels are valid only if they
-    /// were not written into the caller's memory.
+    /// Colors and labels of the last frame, which was `frame`, pixel on pixel with the results. Labels are
+    /// valid only if they were not written into the caller's memory.
     pub(super) fn appearance<'a>(&'a self, frame: &ImageView<'a>) -> Appearance<'a> {
         match &self.letterbox {
             None => Appearance { rgb: self.preprocessor.last(frame), labels: self.graph.labels() },

@@ -14,8 +14,8 @@ const FITS: &str = "the view was checked and the buffer sized for it";
 
 /// Writes `frame` as packed RGB into `rgb`, which holds exactly as many pixels.
 ///
-/// A packed frame is converted in one call. A padded one is converted row by row, because its last row may end with its
-/// last pixel, which `yuv` refuses or drops.
+/// A packed frame is converted in one call. A padded one is converted row by row, because its last row may
+/// end with its last pixel, which `yuv` refuses or drops.
 pub(super) fn to_rgb(frame: &ImageView<'_>, rgb: &mut [u8]) {
     let ImageSize { width, height } = frame.size();
     if frame.format() == PixelFormat::Nv12 {

@@ -1,5 +1,5 @@
-//! Makes the network's image from a camera's image. An image that fits is used in place. Others are converted and
-//! resized into an own buffer.
+//! Makes the network's image from a camera's image. An image that fits is used in place. Others are converted
+//! and resized into an own buffer.
 
 mod convert;
 mod resize;
@@ -60,8 +60,8 @@ impl Preprocessor {
 
     /// The network's image of `frame`.
     ///
-    /// A packed RGB frame of the network's size is returned unchanged. Another aspect ratio is stretched: each axis is scaled
-    /// by its own factor. Only the first frame of a size or format allocates.
+    /// A packed RGB frame of the network's size is returned unchanged. Another aspect ratio is stretched:
+    /// each axis is scaled by its own factor. Only the first frame of a size or format allocates.
     ///
     /// # Panics
     /// If the view is not within the frame.
@@ -87,8 +87,8 @@ impl Preprocessor {
         fits && self.view.is_none() && frame.format() == PixelFormat::Rgb8 && frame.is_packed()
     }
 
-    /// As [`Self::fill`], from a part of the frame. The whole frame is converted first if pixels share color, because the
-    /// part may begin at any pixel.
+    /// As [`Self::fill`], from a part of the frame. The whole frame is converted first if pixels share color,
+    /// because the part may begin at any pixel.
     fn fill_from_part(&mut self, frame: &ImageView<'_>, view: PixelRect) -> usize {
         const WITHIN: &str = "the view was chosen for this size";
         if !matches!(frame.format(), PixelFormat::Yuyv | PixelFormat::Nv12) {
@@ -117,7 +117,8 @@ impl Preprocessor {
 
     /// Fills `rgb` from a frame of another size; returns the bytes written on the way.
     ///
-    /// Formats with independent channels are resized first, because converting the smaller image is less work.
+    /// Formats with independent channels are resized first, because converting the smaller image is less
+    /// work.
     fn resize(&mut self, frame: &ImageView<'_>) -> usize {
         let network_pixels = self.width as usize * self.height as usize;
         match frame.format() {

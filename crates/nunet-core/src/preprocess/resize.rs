@@ -7,11 +7,11 @@ use pic_scale::{BufferStore, ImageSize, ImageStore, ImageStoreMut, Resampling, R
 
 use crate::frame::ImageView;
 
-/// Weights a pixel by 2|t|^3 - 3t^2 + 1, where t is its distance in pixels of the coarser image. Downsampling skips no
-/// pixel, and upsampling does not overshoot.
+/// Weights a pixel by 2|t|^3 - 3t^2 + 1, where t is its distance in pixels of the coarser image. Downsampling
+/// skips no pixel, and upsampling does not overshoot.
 ///
-/// `pic-scale`'s `Area` is four target pixels wide, and its `Bilinear` drops the last tap at most ratios, which shifts the
-/// image by a fraction of a pixel.
+/// `pic-scale`'s `Area` is four target pixels wide, and its `Bilinear` drops the last tap at most ratios,
+/// which shifts the image by a fraction of a pixel.
 const FILTER: ResamplingFunction = ResamplingFunction::Hermite;
 
 /// Why `pic-scale` cannot fail here.

@@ -59,7 +59,8 @@ impl TensorFormat {
         }
     }
 
-    /// The RGB color that becomes 0 in every channel, or the nearest: the mean of training, if the format subtracts it.
+    /// The RGB color that becomes 0 in every channel, or the nearest: the mean of training, if the format
+    /// subtracts it.
     #[must_use]
     pub fn mean_color(&self) -> [u8; 3] {
         let [first, second, third] = self.mean.map(|mean| (mean / self.scale).round() as u8); // saturates

@@ -90,7 +90,8 @@ fn the_converted_image_stays_at_one_address() {
 
 #[test]
 fn half_the_size_weighs_four_pixels_by_hand_computed_weights() {
-    // Distances 0.25 and 0.75 of a target pixel weigh 0.84375 and 0.15625; what lies outside the image has none.
+    // Distances 0.25 and 0.75 of a target pixel weigh 0.84375 and 0.15625; what lies outside the image has
+    // none.
     let rgb = prepared(&[10, 20, 0, 255], (4, 1), 4, PixelFormat::Mono8, (2, 1));
     assert_eq!(rgb, [14, 14, 14, 118, 118, 118]);
 }

@@ -1,13 +1,14 @@
 //! Measures the scale of depth on the floor of one frame.
 //!
-//! The mount gives the camera's height and attitude, so the true depth of each pixel that shows level floor is known. Each
-//! pixel labeled floor gives a ratio: true depth over measured depth. The frame's ratio is their weighted median, taken
-//! twice: of all, then of those near the first one. A pixel weighs less the farther away it is, where an error of the
-//! attitude counts more.
+//! The mount gives the camera's height and attitude, so the true depth of each pixel that shows level floor
+//! is known. Each pixel labeled floor gives a ratio: true depth over measured depth. The frame's ratio is
+//! their weighted median, taken twice: of all, then of those near the first one. A pixel weighs less the
+//! farther away it is, where an error of the attitude counts more.
 //!
-//! Only the attitude is trusted, not a fitted plane, because a fit locks onto tables. A surface above the floor is nearer
-//! than the floor behind it, so its ratio is larger. A wall's ratios grow with distance, floor's do not. If many ratios are
-//! smaller than the median, then the median is that of something above the floor, and the frame gives no ratio.
+//! Only the attitude is trusted, not a fitted plane, because a fit locks onto tables. A surface above the
+//! floor is nearer than the floor behind it, so its ratio is larger. A wall's ratios grow with distance,
+//! floor's do not. If many ratios are smaller than the median, then the median is that of something above the
+//! floor, and the frame gives no ratio.
 
 use super::ScaleError;
 use crate::camera::{Camera, MAX_SCALE_FACTOR, MIN_SCALE_FACTOR, RayTable};
@@ -23,7 +24,8 @@ const MAX_ERROR: f32 = 0.2;
 /// The floor must cover this share of the image. Smaller floor areas are often only a carpet, or floor
 /// between the legs of a chair.
 const MIN_FLOOR: f32 = 0.09;
-/// Ratios within this logarithm of the median agree with it (35 %). Networks need this much: theirs differ from near to far.
+/// Ratios within this logarithm of the median agree with it (35 %). Networks need this much: theirs differ
+/// from near to far.
 const AGREEMENT: f32 = 0.3;
 /// The share of ratios that must agree.
 const MIN_AGREEING: f32 = 0.6;
@@ -98,7 +100,8 @@ pub struct FloorGauge {
 }
 
 impl FloorGauge {
-    /// For depth maps of `camera`, at the size of its intrinsics. `classes` are the names of the labels, index = label.
+    /// For depth maps of `camera`, at the size of its intrinsics. `classes` are the names of the labels,
+    /// index = label.
     ///
     /// # Errors
     /// No class is floor.
@@ -176,8 +179,8 @@ impl FloorGauge {
         is_possible.then_some(FloorRatio { ratio, spread: (high - low) / 2.0, floor_fraction })
     }
 
-    /// Adds up the weights of the floor's ratios by their logarithm; returns how many samples show floor, and how their ratios
-    /// grow with distance.
+    /// Adds up the weights of the floor's ratios by their logarithm; returns how many samples show floor, and
+    /// how their ratios grow with distance.
     fn count(&mut self, image: &DepthImage<'_>, labels: &[u8]) -> (usize, LineSums) {
         let Self { samples, weights, roles, .. } = self;
         weights.fill(0.0);

@@ -1,12 +1,13 @@
 //! Drift and flicker of depth between two frames, where the image did not change.
 //!
-//! If neither camera nor scene moves, depth must stay the same. What changes nevertheless is an error of the network: of
-//! its scale (all of depth by one factor), or of each pixel by itself.
+//! If neither camera nor scene moves, depth must stay the same. What changes nevertheless is an error of the
+//! network: of its scale (all of depth by one factor), or of each pixel by itself.
 //!
-//! Image and depth are sampled on a grid of 64x48 points, whatever their sizes. A point is a pixel with the ones to
-//! its right and below. The image did not change there if no channel of these differs by more than [`MAX_CHANGE`]. On
-//! a plain wall, points are unchanged even while the camera moves. Therefore points on texture decide whether the
-//! camera moves: if less than half of them are unchanged, or there are hardly any, the result is unknown.
+//! Image and depth are sampled on a grid of 64x48 points, whatever their sizes. A point is a pixel with the
+//! ones to its right and below. The image did not change there if no channel of these differs by more than
+//! [`MAX_CHANGE`]. On a plain wall, points are unchanged even while the camera moves. Therefore points on
+//! texture decide whether the camera moves: if less than half of them are unchanged, or there are hardly any,
+//! the result is unknown.
 //!
 //! # Example: depth that becomes 10 percent larger
 //! ```
@@ -29,18 +30,20 @@ const ROWS: usize = 48;
 const POINTS: usize = COLUMNS * ROWS;
 /// Channels of an unchanged point differ by at most this, of 255: more than the noise of most cameras.
 const MAX_CHANGE: u8 = 8;
-/// A point is on texture if a channel differs by at least this between its pixels: then a motion of half a pixel changes
-/// it by more than [`MAX_CHANGE`].
+/// A point is on texture if a channel differs by at least this between its pixels: then a motion of half a
+/// pixel changes it by more than [`MAX_CHANGE`].
 const MIN_TEXTURE: u8 = 24;
 /// With fewer points on texture, or fewer with depth, the result is unknown.
 const MIN_POINTS: usize = 30;
 
-/// The change of depth from one frame to the next, where the image did not change. Shares: 0.01 is one percent.
+/// The change of depth from one frame to the next, where the image did not change. Shares: 0.01 is one
+/// percent.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StabilityChange {
     /// The median of `depth / previous depth - 1`: how much the scale grew.
     pub drift: f32,
-    /// The median distance of these values from their median: how much points change besides the scale. Not negative.
+    /// The median distance of these values from their median: how much points change besides the scale. Not
+    /// negative.
     pub flicker: f32,
 }
 
@@ -75,11 +78,11 @@ impl StabilityGauge {
         self.sizes = None;
     }
 
-    /// Compares a frame with the last one. `image` is `[H, W, 3]`, 8 bits; `depth` is `[H, W]` of any size, whose values
-    /// count if they are finite and positive. Both show the same view.
+    /// Compares a frame with the last one. `image` is `[H, W, 3]`, 8 bits; `depth` is `[H, W]` of any size,
+    /// whose values count if they are finite and positive. Both show the same view.
     ///
-    /// `None` for the first frame, after another size, when the image changed (the camera moves, the light changes), and
-    /// without texture or depth. Allocates nothing.
+    /// `None` for the first frame, after another size, when the image changed (the camera moves, the light
+    /// changes), and without texture or depth. Allocates nothing.
     pub fn update(
         &mut self,
         image: (&[u8], ImageSize),

@@ -128,7 +128,8 @@ fn a_last_operator_that_moves_nothing_still_writes_the_callers_memory() {
     assert_eq!(crate::run(&mut graph, &rgb).depth, red);
 }
 
-/// What the file promises and what it computes may differ: that is an error of the run, not a write past the end.
+/// What the file promises and what it computes may differ: that is an error of the run, not a write past the
+/// end.
 #[test]
 fn a_model_whose_output_differs_from_its_signature_is_refused() {
     let model = ModelBuilder::new()

@@ -1,4 +1,5 @@
-//! The optional output `confidence`: which pixel it belongs to, where it is 0, and into whose memory it is written.
+//! The optional output `confidence`: which pixel it belongs to, where it is 0, and into whose memory it is
+//! written.
 
 use nunet_core::ErrorKind;
 use nunet_core::cloud::CloudPoint;
@@ -49,8 +50,8 @@ fn process(
     Ok((depth_m, report))
 }
 
-/// Depth and confidence of an image, and how many bytes were copied: the same whether the confidence is written into memory
-/// of the caller or stays inside.
+/// Depth and confidence of an image, and how many bytes were copied: the same whether the confidence is
+/// written into memory of the caller or stays inside.
 fn run(pipeline: &mut Pipeline, rgb: &[u8], size: ImageSize) -> (Vec<f32>, Vec<u8>, u64) {
     let mut memory = vec![99; pipeline.size().pixel_count()];
     let (depth_m, lent) = process(pipeline, rgb, size, Some(&mut memory)).unwrap();

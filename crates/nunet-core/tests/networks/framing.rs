@@ -1,4 +1,5 @@
-//! Images of another aspect ratio than the network's: which pixel of the image a pixel of the results is, and its ray.
+//! Images of another aspect ratio than the network's: which pixel of the image a pixel of the results is, and
+//! its ray.
 
 use nunet_core::camera::{Camera, Intrinsics};
 use nunet_core::cloud::CloudPoint;

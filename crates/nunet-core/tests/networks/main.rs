@@ -87,7 +87,8 @@ struct Answer {
     report: GraphReport,
 }
 
-/// Runs a graph, with labels if it has any. Each reading of the clock is a millisecond later than the one before.
+/// Runs a graph, with labels if it has any. Each reading of the clock is a millisecond later than the one
+/// before.
 fn run(graph: &mut SerialGraph, rgb: &[u8]) -> Answer {
     let clock = ticking();
     let pixels = rgb.len() / 3;

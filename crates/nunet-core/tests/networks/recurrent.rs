@@ -202,8 +202,9 @@ fn the_state_of_a_stage_is_described_in_its_own_file() {
     assert!(message.contains("cannot use the description of the model `"), "{message}");
 }
 
-/// Remembers where the image is not 0: two places by its declaration, but as many as there are. Depth is the sum of the
-/// places of the image before. The state is made of `tensor`: `where` of shape [1, n], or `places` of shape [n].
+/// Remembers where the image is not 0: two places by its declaration, but as many as there are. Depth is the
+/// sum of the places of the image before. The state is made of `tensor`: `where` of shape [1, n], or `places`
+/// of shape [n].
 fn remembering_places(tensor: &str) -> ModelBuilder {
     let shape: &[i64] = &[1, 1, 3, 6];
     let model = ModelBuilder::new()

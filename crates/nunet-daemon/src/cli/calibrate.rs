@@ -32,13 +32,13 @@ pub struct CalibrateArgs {
     /// With --distance, the point in the image: column and row, pixels [default: the center]
     #[arg(long, value_name = "u,v", requires = "distance", allow_hyphen_values = true)]
     pub at: Option<Text<PixelArg>>,
-    /// The reference is a range sensor: a CSV table with the columns `image` (a file, relative to the table), `u`, `v`
-    /// (pixels) and `distance` (meters, straight to the point)
+    /// The reference is a range sensor: a CSV table with the columns `image` (a file, relative to the table),
+    /// `u`, `v` (pixels) and `distance` (meters, straight to the point)
     #[arg(long, value_name = "FILE.csv", conflicts_with_all = TRUTH_FLAGS, conflicts_with_all = SOURCE_FLAGS)]
     #[arg(conflicts_with = "topic")]
     pub pairs: Option<PathBuf>,
-    /// The reference is the floor: the pose of the camera in the base frame of the robot, meters and radians; z is the
-    /// height above the floor
+    /// The reference is the floor: the pose of the camera in the base frame of the robot, meters and radians;
+    /// z is the height above the floor
     #[arg(long, value_name = "x,y,z,roll,pitch,yaw", allow_hyphen_values = true, requires = "source")]
     #[arg(conflicts_with_all = TRUTH_FLAGS)]
     pub mount: Option<Text<MountOption>>,
@@ -56,11 +56,12 @@ pub struct CalibrateArgs {
     pub depth_cap: Option<f64>,
     #[command(flatten)]
     pub units: DepthUnitArgs,
-    /// With --truth, the part of the images that has true depth, pixels; BOTTOM and RIGHT are the first ones outside
+    /// With --truth, the part of the images that has true depth, pixels; BOTTOM and RIGHT are the first ones
+    /// outside
     #[arg(long, value_name = "TOP,LEFT,BOTTOM,RIGHT", requires = "truth")]
     pub window: Option<Window>,
-    /// With --distance or --mount, the camera: a folder, a glob of images, a recording FILE.mcap, a camera /dev/videoN,
-    /// shm:CAMERA, ros2:TOPIC, exec:COMMAND, rtsp://..., or - for stdin
+    /// With --distance or --mount, the camera: a folder, a glob of images, a recording FILE.mcap, a camera
+    /// /dev/videoN, shm:CAMERA, ros2:TOPIC, exec:COMMAND, rtsp://..., or - for stdin
     #[arg(long, value_name = "SOURCE", conflicts_with_all = ["pairs", "truth"], help_heading = "Source")]
     pub source: Option<String>,
     #[command(flatten, next_help_heading = "Source")]

@@ -33,7 +33,8 @@ fn refuse_unknown_subcommand(argument: Option<&OsString>) -> Result<(), clap::Er
 
 /// Where `run` is to be put in; `None` if a subcommand, help or the version is given.
 ///
-/// clap's own way (flattening the arguments of the default subcommand into the program's) would refuse `nunetd -q infer ...`.
+/// clap's own way (flattening the arguments of the default subcommand into the program's) would refuse
+/// `nunetd -q infer ...`.
 fn place_of_default_subcommand(arguments: &[OsString]) -> Option<usize> {
     let mut place = 1;
     while let Some(argument) = arguments.get(place).and_then(|argument| argument.to_str()) {

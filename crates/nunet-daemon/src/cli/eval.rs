@@ -15,9 +15,9 @@ use crate::subcommands::eval;
 /// `nunetd eval`
 #[derive(Debug, Args, Clone)]
 pub struct EvalArgs {
-    /// A recording (FILE.mcap or the folder of a bag) with images and depth, or a folder with `rgb/ID.jpg` or `.png`,
-    /// `depth/ID.png` or `.npy` and, for labels, `labels/ID.png` or `label40/ID.png`. If names differ and are time
-    /// stamps, as in TUM's sequences, images and depth within 20 ms are joined
+    /// A recording (FILE.mcap or the folder of a bag) with images and depth, or a folder with `rgb/ID.jpg` or
+    /// `.png`, `depth/ID.png` or `.npy` and, for labels, `labels/ID.png` or `label40/ID.png`. If names differ
+    /// and are time stamps, as in TUM's sequences, images and depth within 20 ms are joined
     pub dataset: PathBuf,
     /// The image topic, if the recording has several
     #[arg(long, value_name = "TOPIC", help_heading = "Dataset")]
@@ -30,22 +30,24 @@ pub struct EvalArgs {
     pub ids: Option<PathBuf>,
     #[command(flatten, next_help_heading = "Dataset")]
     pub units: DepthUnitArgs,
-    /// The part of the images that has true depth, pixels, for data with a border around each image; BOTTOM and RIGHT
-    /// are the first ones outside
+    /// The part of the images that has true depth, pixels, for data with a border around each image; BOTTOM
+    /// and RIGHT are the first ones outside
     #[arg(long, value_name = "TOP,LEFT,BOTTOM,RIGHT", help_heading = "Dataset")]
     pub window: Option<Window>,
-    /// Treat the images as consecutive frames of one video: recurrent models and the temporal filter keep their state
+    /// Treat the images as consecutive frames of one video: recurrent models and the temporal filter keep
+    /// their state
     #[arg(long, help_heading = "Dataset")]
     pub clip: bool,
     /// The pixels to compare: whole images, or the crop of Eigen et al. for NYU Depth V2
     #[arg(long, value_enum, default_value_t = ProtocolArg::Full, help_heading = "Comparison")]
     pub protocol: ProtocolArg,
-    /// Ignore true depth of this value or more, meters, and limit predictions to it: 10 for NYU Depth V2, 80 for KITTI
+    /// Ignore true depth of this value or more, meters, and limit predictions to it: 10 for NYU Depth V2, 80
+    /// for KITTI
     #[arg(long, value_name = "METERS", default_value = "10", value_parser = parse_meters)]
     #[arg(help_heading = "Comparison")]
     pub depth_cap: f64,
-    /// The images whose mean depth is the baseline: a file with one id per line [default: those of the other scenes if
-    /// the ids name scenes, otherwise the measured images]
+    /// The images whose mean depth is the baseline: a file with one id per line [default: those of the other
+    /// scenes if the ids name scenes, otherwise the measured images]
     #[arg(long, value_name = "FILE", help_heading = "Comparison")]
     pub baseline_ids: Option<PathBuf>,
     /// The mean image to use as the baseline: the `mean_image.npy` that another `eval --out` wrote
@@ -73,9 +75,9 @@ pub struct EvalArgs {
 /// What the integers of a depth image mean: meters = (value + offset) * scale.
 #[derive(Debug, Args, Clone, Copy)]
 pub struct DepthUnitArgs {
-    /// Meters per unit of the depth images, such as 0.00390625 for KITTI and 0.0002 for TUM. 65535 is no measurement; 0
-    /// is none either unless --depth-offset is given. Depth in floating point (32FC1, `.npy`) is in meters and has no
-    /// other unit [default: 0.001, for 16-bit images]
+    /// Meters per unit of the depth images, such as 0.00390625 for KITTI and 0.0002 for TUM. 65535 is no
+    /// measurement; 0 is none either unless --depth-offset is given. Depth in floating point (32FC1, `.npy`)
+    /// is in meters and has no other unit [default: 0.001, for 16-bit images]
     #[arg(long, value_name = "METERS", value_parser = parse_meters)]
     pub depth_scale: Option<f64>,
     /// Added to each value before scaling; if it is not 0, the value 0 is a measurement

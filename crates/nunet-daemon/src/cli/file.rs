@@ -128,7 +128,8 @@ impl ConfigParser<'_> {
         flag.ok_or_else(|| unknown(key, self.flags().filter_map(Arg::get_long)))
     }
 
-    /// The flag of a key in a section, where `--camera` is `name`. Settings of all cameras are above the sections.
+    /// The flag of a key in a section, where `--camera` is `name`. Settings of all cameras are above the
+    /// sections.
     fn camera_flag<'s>(&'s self, key: &str) -> Result<&'s Arg, BadArguments> {
         if key == "camera" {
             let hint = format!("in a section it is `{CAMERA_NAME_KEY}`");

@@ -13,11 +13,12 @@ use crate::exit::WithHint;
 #[derive(Debug, Args, Clone, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct FoxgloveArgs {
-    /// Serve the topics of a recording live to Foxglove, at ws://ADDRESS:PORT. Nothing is encoded without subscribers
+    /// Serve the topics of a recording live to Foxglove, at ws://ADDRESS:PORT. Nothing is encoded without
+    /// subscribers
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub foxglove: Option<Text<SocketAddr>>,
-    /// Allow an address of --foxglove that other machines can reach. Foxglove sends no password: everyone who can reach
-    /// it sees all images
+    /// Allow an address of --foxglove that other machines can reach. Foxglove sends no password: everyone who
+    /// can reach it sees all images
     #[arg(long)]
     pub foxglove_public: bool,
 }

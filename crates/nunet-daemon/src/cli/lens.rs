@@ -20,15 +20,16 @@ use crate::source::{CameraGeometry, Rotation};
 /// The intrinsics or calibration, if known.
 #[derive(Debug, Args, Clone, Deserialize)]
 pub struct GeometryArgs {
-    /// Focal lengths and principal point in pixels, for a camera without distortion; `@WxH` is the size they are
-    /// valid for, by default that of the images
+    /// Focal lengths and principal point in pixels, for a camera without distortion; `@WxH` is the size they
+    /// are valid for, by default that of the images
     #[arg(long, value_name = "fx,fy,cx,cy[@WxH]", allow_hyphen_values = true)]
     pub intrinsics: Option<Text<IntrinsicsSpec>>,
     /// A calibration with distortion: a ROS `camera_info` file, a Kalibr camchain, or YAML of OpenCV
     #[arg(long, value_name = "FILE.yaml", conflicts_with = "intrinsics")]
     pub calibration: Option<PathBuf>,
-    /// Rotate the images clockwise before everything else, for a camera that is mounted rotated. Intrinsics and
-    /// calibration describe the images before the rotation; all results and --mount are those of the rotated images
+    /// Rotate the images clockwise before everything else, for a camera that is mounted rotated. Intrinsics
+    /// and calibration describe the images before the rotation; all results and --mount are those of the
+    /// rotated images
     #[arg(long, value_name = "90|180|270")]
     pub rotate: Option<Text<Rotation>>,
 }
@@ -52,13 +53,13 @@ pub struct LensArgs {
     #[command(flatten, next_help_heading = "Camera")]
     #[serde(flatten)]
     pub geometry: GeometryArgs,
-    /// The factor by which the network's meters are multiplied: `auto` (that of the calibration file, otherwise the
-    /// ratio of the focal lengths of this camera and the training camera, if known), `off` (1), a number from 0.05 to
-    /// 20, or `floor` (measured on the floor; needs --mount)
+    /// The factor by which the network's meters are multiplied: `auto` (that of the calibration file,
+    /// otherwise the ratio of the focal lengths of this camera and the training camera, if known), `off` (1),
+    /// a number from 0.05 to 20, or `floor` (measured on the floor; needs --mount)
     #[arg(long, value_name = "auto|off|NUMBER|floor", default_value = "auto", help_heading = "Depth")]
     pub scale: Text<ScaleArg>,
-    /// Images whose aspect ratio differs from the network's by more than 5 %: use the largest centered part of its aspect
-    /// ratio (`crop`), stretch them (`stretch`), or pad them (`letterbox`)
+    /// Images whose aspect ratio differs from the network's by more than 5 %: use the largest centered part
+    /// of its aspect ratio (`crop`), stretch them (`stretch`), or pad them (`letterbox`)
     #[arg(long, value_name = "crop|stretch|letterbox", default_value = "crop", help_heading = "Depth")]
     pub aspect: Text<AspectMode>,
     /// The same as --scale auto or --scale off
@@ -159,8 +160,9 @@ pub struct CameraArgs {
     /// Take every N-th row and column of depth for the cloud
     #[arg(long, value_name = "N", default_value = "1", help_heading = "Depth")]
     pub cloud_stride: Text<NonZeroU32>,
-    /// Drop cloud points farther than M meters from the camera, and ignore obstacles farther than M meters from the
-    /// base (for obstacles, 0.5 to 50) [default: the model's maximum depth for the cloud, 5 for obstacles]
+    /// Drop cloud points farther than M meters from the camera, and ignore obstacles farther than M meters
+    /// from the base (for obstacles, 0.5 to 50) [default: the model's maximum depth for the cloud, 5 for
+    /// obstacles]
     #[arg(long, value_name = "M", help_heading = "Depth")]
     pub max_range: Option<Text<Distance>>,
 }

@@ -17,21 +17,24 @@ use crate::exit::BadArguments;
 #[derive(Debug, Args, Clone, Default, PartialEq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct ObstacleArgs {
-    /// The height above ground that the robot can drive over, 0.005 to 0.5 meters; needs --mount [default: 0.05]
+    /// The height above ground that the robot can drive over, 0.005 to 0.5 meters; needs --mount [default:
+    /// 0.05]
     #[arg(long, value_name = "M")]
     pub clearance: Option<Text<Distance>>,
-    /// The height above ground that the robot can drive under, 0.05 to 10 meters and more than --clearance; needs
-    /// --mount [default: 1.8]
+    /// The height above ground that the robot can drive under, 0.05 to 10 meters and more than --clearance;
+    /// needs --mount [default: 1.8]
     #[arg(long, value_name = "M")]
     pub robot_height: Option<Text<Distance>>,
-    /// The number of directions in which obstacles are reported, over the field of view, 1 to 360; needs --mount
+    /// The number of directions in which obstacles are reported, over the field of view, 1 to 360; needs
+    /// --mount
     /// [default: 72]
     #[arg(long, value_name = "N")]
     pub sectors: Option<Text<Count>>,
     /// The largest number of obstacle points, 1 to 5000; needs --mount [default: 5000]
     #[arg(long, value_name = "N")]
     pub obstacle_points: Option<Text<Count>>,
-    /// Remember an obstacle that leaves the image at the bottom for S seconds, 0 to 10; needs --mount [default: 0]
+    /// Remember an obstacle that leaves the image at the bottom for S seconds, 0 to 10; needs --mount
+    /// [default: 0]
     #[arg(long, value_name = "S")]
     pub hold: Option<Text<Seconds>>,
 }
@@ -39,11 +42,13 @@ pub struct ObstacleArgs {
 /// Obstacles of single images: found only if they are asked for.
 #[derive(Debug, Args, Clone, Default)]
 pub struct ImageObstacleArgs {
-    /// Find obstacles: `infer` writes obstacles.json and images of them, `eval` compares them with those of the true depth.
-    /// Needs --mount; `eval` also takes `mounts.csv` in the dataset, with the columns id,x,y,z,roll,pitch,yaw
+    /// Find obstacles: `infer` writes obstacles.json and images of them, `eval` compares them with those of
+    /// the true depth. Needs --mount; `eval` also takes `mounts.csv` in the dataset, with the columns
+    /// id,x,y,z,roll,pitch,yaw
     #[arg(long, help_heading = "Obstacles")]
     pub obstacles: bool,
-    /// The pose of the camera in the base frame of the robot, meters and radians; z is the height above the floor
+    /// The pose of the camera in the base frame of the robot, meters and radians; z is the height above the
+    /// floor
     #[arg(long, value_name = "x,y,z,roll,pitch,yaw", allow_hyphen_values = true, help_heading = "Camera")]
     pub mount: Option<Text<MountOption>>,
     #[command(flatten, next_help_heading = "Obstacles")]

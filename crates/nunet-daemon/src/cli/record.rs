@@ -21,8 +21,8 @@ pub struct RecordArgs {
     /// Overwrite an existing recording
     #[arg(long)]
     pub force: bool,
-    /// Record raw images as PNG instead of JPEG; JPEG and PNG files are always recorded as they are, or as PNG if
-    /// --rotate or their EXIF data rotates them
+    /// Record raw images as PNG instead of JPEG; JPEG and PNG files are always recorded as they are, or as
+    /// PNG if --rotate or their EXIF data rotates them
     #[arg(long)]
     pub record_lossless: bool,
     #[command(flatten, next_help_heading = "Camera")]
@@ -41,8 +41,8 @@ impl RecordArgs {
 /// The pose of the camera on the robot.
 #[derive(Debug, Args, Clone, Deserialize)]
 pub struct MountArgs {
-    /// The pose of the camera in `base_link` (x forward, y left, z up), meters and radians; recorded in `/tf_static`.
-    /// Obstacles and --scale floor need it: z is the height above the floor then
+    /// The pose of the camera in `base_link` (x forward, y left, z up), meters and radians; recorded in
+    /// `/tf_static`. Obstacles and --scale floor need it: z is the height above the floor then
     #[arg(long, value_name = "x,y,z,roll,pitch,yaw", allow_hyphen_values = true)]
     pub mount: Option<Text<MountOption>>,
 }

@@ -130,14 +130,14 @@ impl ViewArgs {
 #[derive(Debug, Args, Clone, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct Ros2Args {
-    /// Publish ROS 2 topics below /CAMERA/: `dds`, or `dds:DOMAIN` for another domain than that of the environment; `zenoh`
-    /// as `rmw_zenoh` does, or `zenoh:ENDPOINT` for another router, such as `zenoh:tcp/192.168.1.5:7447`. May be given more
-    /// than once. Nothing is encoded without subscribers
+    /// Publish ROS 2 topics below /CAMERA/: `dds`, or `dds:DOMAIN` for another domain than that of the
+    /// environment; `zenoh` as `rmw_zenoh` does, or `zenoh:ENDPOINT` for another router, such as
+    /// `zenoh:tcp/192.168.1.5:7447`. May be given more than once. Nothing is encoded without subscribers
     #[arg(long, value_name = "dds[:DOMAIN]|zenoh[:ENDPOINT]")]
     #[serde(default)]
     pub ros2: Vec<Text<LinkName>>,
-    /// `default`, `all`, or a list of names below /CAMERA/, such as `scan,depth/points` [default: obstacles, and depth at half
-    /// size]
+    /// `default`, `all`, or a list of names below /CAMERA/, such as `scan,depth/points` [default: obstacles,
+    /// and depth at half size]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     #[serde(default)]
     pub ros2_topics: Vec<String>,
@@ -179,8 +179,8 @@ impl AccessArgs {
 #[derive(Debug, Args, Clone, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct StreamArgs {
-    /// demo, a folder, a glob of images, a recording FILE.mcap, a camera /dev/videoN, shm:CAMERA, a ROS 2 topic
-    /// ros2:TOPIC, exec:COMMAND, rtsp://..., or - for stdin
+    /// demo, a folder, a glob of images, a recording FILE.mcap, a camera /dev/videoN, shm:CAMERA, a ROS 2
+    /// topic ros2:TOPIC, exec:COMMAND, rtsp://..., or - for stdin
     /// [default: demo; required with --config]
     #[arg(long, value_name = "SOURCE", help_heading = "Source")]
     pub source: Option<String>,
@@ -191,15 +191,15 @@ pub struct StreamArgs {
     /// topic, otherwise camera]
     #[arg(long, value_name = "NAME", help_heading = "Camera")]
     pub camera: Option<String>,
-    /// The coordinate frame of depth and cloud [default: that of the images for a ROS 2 topic, otherwise the name of the
-    /// camera + `_optical_frame`]
+    /// The coordinate frame of depth and cloud [default: that of the images for a ROS 2 topic, otherwise the
+    /// name of the camera + `_optical_frame`]
     #[arg(long, value_name = "NAME", help_heading = "Camera")]
     pub frame_id: Option<Text<FrameId>>,
     #[command(flatten)]
     #[serde(flatten)]
     pub processing: CameraArgs,
-    /// Warn if depth drifts or flickers by more than this per frame while the image does not change: percent up to 100,
-    /// or `off` [default: 5]
+    /// Warn if depth drifts or flickers by more than this per frame while the image does not change: percent
+    /// up to 100, or `off` [default: 5]
     #[arg(long, value_name = "PERCENT|off", help_heading = "Depth")]
     pub stability_limit: Option<Text<StabilityLimit>>,
     #[command(flatten, next_help_heading = "Obstacles")]
@@ -209,13 +209,13 @@ pub struct StreamArgs {
     /// serial:DEVICE:BAUD; needs --mount
     #[arg(long, value_name = "ADDRESS", help_heading = "Obstacles")]
     pub mavlink: Option<Text<MavlinkAddress>>,
-    /// The topics that can be read, separated by commas; all but depth are computed only while something reads them.
-    /// With --mount, obstacles can always be read
+    /// The topics that can be read, separated by commas; all but depth are computed only while something
+    /// reads them. With --mount, obstacles can always be read
     #[arg(long, value_enum, value_delimiter = ',', default_values_t = Publish::DEFAULT)]
     #[arg(help_heading = "Results")]
     pub publish: Vec<Publish>,
-    /// The number of processes that may read at a time, 1 to 62; half as many may read the cloud. Memory is reserved
-    /// for all [default: 4]
+    /// The number of processes that may read at a time, 1 to 62; half as many may read the cloud. Memory is
+    /// reserved for all [default: 4]
     #[arg(long, value_name = "N", help_heading = "Results")]
     pub readers: Option<Text<Readers>>,
     #[command(flatten, next_help_heading = "Results")]
@@ -224,8 +224,8 @@ pub struct StreamArgs {
     /// Write depth, labels, confidence, cloud and obstacles of the last frame into this folder
     #[arg(long, value_name = "DIR", help_heading = "Results")]
     pub out: Option<PathBuf>,
-    /// Roll and pitch of a robot that does not stay level: from the topic `attitude` of the camera in shared memory
-    /// (`shm`), or those that a recording was made with (`recording`); needs --mount
+    /// Roll and pitch of a robot that does not stay level: from the topic `attitude` of the camera in shared
+    /// memory (`shm`), or those that a recording was made with (`recording`); needs --mount
     #[arg(long, value_name = "shm|recording", help_heading = "Camera")]
     pub attitude: Option<Text<AttitudeSource>>,
 }
@@ -277,8 +277,8 @@ impl StreamArgs {
 /// Where frames come from.
 #[derive(Debug, Args, Clone, Deserialize)]
 pub struct SourceArgs {
-    /// `max` takes every frame as fast as possible; a number of frames per second drops old frames like a camera. For a
-    /// V4L2 camera, the requested rate [default: max; 30 for a V4L2 camera]
+    /// `max` takes every frame as fast as possible; a number of frames per second drops old frames like a
+    /// camera. For a V4L2 camera, the requested rate [default: max; 30 for a V4L2 camera]
     #[arg(long, value_name = "max|HZ")]
     pub rate: Option<Text<Rate>>,
     /// Start again at the end of the images, the recording or the demo
@@ -288,8 +288,8 @@ pub struct SourceArgs {
     /// The image topic of the recording, if it has several
     #[arg(long, value_name = "TOPIC")]
     pub topic: Option<String>,
-    /// The size of raw images from stdin or exec:COMMAND, pixels; for a V4L2 camera, the requested size [default:
-    /// 640x480 for a V4L2 camera]
+    /// The size of raw images from stdin or exec:COMMAND, pixels; for a V4L2 camera, the requested size
+    /// [default: 640x480 for a V4L2 camera]
     #[arg(long, value_name = "WxH")]
     pub size: Option<Text<ImageSize>>,
     /// The format of raw images from stdin or exec:COMMAND: rgb8, bgr8, mono8, yuyv or nv12; needs --size

@@ -1,8 +1,8 @@
 //! The layers of settings of `run`. From the lowest to the highest: defaults, the environment, the file above
 //! its `[[camera]]` sections, the section of a camera, flags.
 //!
-//! Each of them is a table from the long names of flags to values as the user writes them. The tables of a camera become one,
-//! from which serde makes the same struct that clap makes from flags alone.
+//! Each of them is a table from the long names of flags to values as the user writes them. The tables of a
+//! camera become one, from which serde makes the same struct that clap makes from flags alone.
 
 use std::path::Path;
 
@@ -224,8 +224,8 @@ fn dependent_default(key: &str, camera: &CameraConfig, config: &Config) -> Optio
     }
 }
 
-/// A number instead of its text, as the file's schema has it: `5`, not `"5"`. Only where the text is the number's usual one,
-/// so that it is read back as the same text; `0640` and `01` remain as they are.
+/// A number instead of its text, as the file's schema has it: `5`, not `"5"`. Only where the text is the
+/// number's usual one, so that it is read back as the same text; `0640` and `01` remain as they are.
 fn as_number(value: Value) -> Value {
     let Value::String(text) = &value else { return value };
     let number = text.parse().map(Value::Integer).or_else(|_| text.parse().map(Value::Float));

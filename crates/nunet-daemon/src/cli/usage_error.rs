@@ -13,11 +13,13 @@ use crate::config::LogOptions;
 use crate::{Outcome, exit, logging};
 use nunet_sink::stdout::StdoutError;
 
-/// The lowest similarity at which a flag is suggested. At clap's own, `--exposure` is suggested for `--source`.
+/// The lowest similarity at which a flag is suggested. At clap's own, `--exposure` is suggested for
+/// `--source`.
 const LEAST_LIKENESS: f64 = 0.88;
 
-/// Replaces clap's tip for an unexpected argument. The shell may have put the name of a file in place of a glob, the subcommand
-/// may take the argument without a flag, and what clap suggests may be another flag altogether.
+/// Replaces clap's tip for an unexpected argument. The shell may have put the name of a file in place of a
+/// glob, the subcommand may take the argument without a flag, and what clap suggests may be another flag
+/// altogether.
 pub(super) fn with_fitting_tip(mut error: clap::Error, command: &Command, line: &[OsString]) -> clap::Error {
     let subcommand = line.iter().find_map(|name| command.find_subcommand(name)).cloned();
     let (ErrorKind::UnknownArgument, Some(mut subcommand)) = (error.kind(), subcommand) else { return error };
@@ -61,7 +63,8 @@ pub(crate) fn exit_code_of(error: &clap::Error, arguments: &[OsString]) -> u8 {
     exit::log_bad_arguments(text, hint)
 }
 
-/// A message of clap without its colors, which an argument could imitate. Control characters of arguments are escaped.
+/// A message of clap without its colors, which an argument could imitate. Control characters of arguments are
+/// escaped.
 fn plain_text(error: &clap::Error, arguments: &[OsString]) -> String {
     // As clap quotes those that are not UTF-8.
     let arguments: Vec<_> = arguments.iter().map(|argument| argument.to_string_lossy()).collect();

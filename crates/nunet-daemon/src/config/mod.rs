@@ -1,5 +1,5 @@
-//! The configuration of nunetd as checked values. The command line ([`cli`](crate::cli)) makes them from flags and a file;
-//! the other modules use these types and know neither clap nor TOML.
+//! The configuration of nunetd as checked values. The command line ([`cli`](crate::cli)) makes them from
+//! flags and a file; the other modules use these types and know neither clap nor TOML.
 
 mod values;
 
@@ -96,7 +96,8 @@ impl CameraConfig {
         }
     }
 
-    /// The limits of its shared memory. Clouds are by far the largest messages: half as many processes can read them.
+    /// The limits of its shared memory. Clouds are by far the largest messages: half as many processes can
+    /// read them.
     #[must_use]
     pub fn limits(&self) -> Limits {
         let max_cloud_readers = self.readers.div_ceil(2);

@@ -18,7 +18,8 @@ pub(crate) struct Loans {
 }
 
 impl Loans {
-    /// The buffers for the pipeline. Labels go into `spare_labels` if nobody needs them; the confidence stays inside then.
+    /// The buffers for the pipeline. Labels go into `spare_labels` if nobody needs them; the confidence stays
+    /// inside then.
     pub(crate) fn outputs<'a>(
         &'a mut self,
         spare_labels: Option<&'a mut [u8]>,
@@ -32,8 +33,8 @@ impl Loans {
         })
     }
 
-    /// Depth, labels and confidence after the pipeline filled them; no labels if they went into the spare memory. `kept` is
-    /// the confidence of a pipeline that was given no memory for it.
+    /// Depth, labels and confidence after the pipeline filled them; no labels if they went into the spare
+    /// memory. `kept` is the confidence of a pipeline that was given no memory for it.
     pub(crate) fn depth_image<'a>(&'a mut self, kept: Option<&'a [u8]>) -> anyhow::Result<DepthImage<'a>> {
         let labels = self.labels.as_mut().map(|labels| &*labels.bytes_mut());
         let confidence = self.confidence.as_mut().map(|confidence| &*confidence.bytes_mut()).or(kept);

@@ -1,7 +1,7 @@
 //! Outputs. Results are computed and published in shared memory, and then passed to each [`Sink`].
 //!
-//! The sinks are in `nunet-sink`. To add one, write a file there that implements [`Sink`], a file here with its `open` function,
-//! and one line in [`REGISTRY`].
+//! The sinks are in `nunet-sink`. To add one, write a file there that implements [`Sink`], a file here with
+//! its `open` function, and one line in [`REGISTRY`].
 
 pub(crate) mod foxglove_channels;
 pub(crate) mod last_frame;

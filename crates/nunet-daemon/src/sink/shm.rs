@@ -1,7 +1,8 @@
-//! Depth, labels, confidence, cloud and stats in shared memory. The pipeline writes its results there directly.
+//! Depth, labels, confidence, cloud and stats in shared memory. The pipeline writes its results there
+//! directly.
 //!
-//! Not a [`Sink`](super::Sink): results are computed in the memory loaned here, and the sinks read them there after
-//! publishing.
+//! Not a [`Sink`](super::Sink): results are computed in the memory loaned here, and the sinks read them there
+//! after publishing.
 #![expect(unsafe_code, reason = "published messages are read in place")]
 
 use std::time::Instant;
@@ -153,8 +154,9 @@ impl ShmPublisher {
         let Last { report, depth, labels, confidence, cloud, has_obstacles: _ } = &self.last;
         let report = (*report)?;
         let depth = depth.as_ref()?;
-        // SAFETY: `last` has messages that were sent. Newer ones are sent by `publish` and `publish_to_late_readers`, which
-        // borrow `self` exclusively, so that none is sent while the results are borrowed.
+        // SAFETY: `last` has messages that were sent. Newer ones are sent by `publish` and
+        // `publish_to_late_readers`, which borrow `self` exclusively, so that none is sent while the results
+        // are borrowed.
         let depth = unsafe { depth.payload() };
         // SAFETY: as above.
         let labels = labels.as_ref().map(|message| unsafe { message.payload() });

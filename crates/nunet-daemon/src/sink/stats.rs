@@ -100,7 +100,8 @@ impl Stats {
         Self { view: Some([x, y, width, height]), ..self }
     }
 
-    /// The stats of several cameras, at least one: names joined, frames added up, rates and latencies over all frames.
+    /// The stats of several cameras, at least one: names joined, frames added up, rates and latencies over
+    /// all frames.
     pub(crate) fn of_all(
         cameras: Vec<Self>,
         common: Common<'_>,

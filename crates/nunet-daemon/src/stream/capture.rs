@@ -15,8 +15,8 @@ use crate::source::{Frame, Put, Rate, Source};
 /// How long to wait for a lent frame to be returned.
 const CROWDED_PAUSE: Duration = Duration::from_millis(1);
 
-/// Moves frames from `source` into the mailbox until the source ends, the limit is reached, or a stop is requested; then
-/// closes the mailbox.
+/// Moves frames from `source` into the mailbox until the source ends, the limit is reached, or a stop is
+/// requested; then closes the mailbox.
 ///
 /// # Errors
 /// The source broke.
@@ -64,8 +64,8 @@ impl FrameHandler for MailboxFiller<'_> {
         self.state.mailbox.give_back(frame);
     }
 
-    /// If the source lends no more frames, the waiting frame is dropped for a newer one. If none waits, the one being
-    /// processed will be returned soon, and the one that is kept for late readers is requested.
+    /// If the source lends no more frames, the waiting frame is dropped for a newer one. If none waits, the
+    /// one being processed will be returned soon, and the one that is kept for late readers is requested.
     fn on_idle(&mut self, frame: Frame, is_crowded: bool) {
         let StreamState { mailbox, ledger, stop, .. } = self.state;
         mailbox.give_back(frame);
@@ -183,7 +183,8 @@ mod tests {
         assert!(counts.balances() && counts.in_flight == 0);
     }
 
-    /// An unreadable frame that replaced two, one that states nothing, a frame that replaced one, and the end.
+    /// An unreadable frame that replaced two, one that states nothing, a frame that replaced one, and the
+    /// end.
     struct Replacing(u64);
 
     impl Source for Replacing {
@@ -210,7 +211,8 @@ mod tests {
         assert_eq!(state.ledger.counts(), expected);
     }
 
-    /// They are lent at once, so that the mailbox replaces them. Their numbers may skip some that were never sent.
+    /// They are lent at once, so that the mailbox replaces them. Their numbers may skip some that were never
+    /// sent.
     #[test]
     fn frames_in_shared_memory_that_newer_ones_replace_are_superseded_and_skipped_numbers_are_not() {
         nunet_ipc::use_root(&nunet_testkit::ipc_root()).unwrap();

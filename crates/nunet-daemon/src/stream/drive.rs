@@ -74,8 +74,8 @@ pub(crate) trait FrameHandler {
     }
 }
 
-/// Moves frames from `source` to `handler` until the source ends, the pace's limit is reached, the handler is closed, or
-/// `stop` is requested.
+/// Moves frames from `source` to `handler` until the source ends, the pace's limit is reached, the handler is
+/// closed, or `stop` is requested.
 ///
 /// # Errors
 /// The source broke, or the handler failed.

@@ -94,7 +94,8 @@ const CLEAN_UP_PERIOD: Duration = Duration::from_secs(1);
 
 /// Releases the resources of killed readers, outside of the inference thread, until all mailboxes are closed.
 fn clean_up(states: &[StreamState]) {
-    // Resources that could not be released, such as damaged ones: cleaning up writes and syncs files each time.
+    // Resources that could not be released, such as damaged ones: cleaning up writes and syncs files each
+    // time.
     let mut known = Vec::new();
     while !states.iter().all(|state| state.mailbox.wait_closed(CLEAN_UP_PERIOD)) {
         let found = orphans::list().unwrap_or_default();

@@ -34,8 +34,8 @@ pub(super) enum Poll {
 
 /// Runs until every mailbox is closed and empty; `states` are those of `tasks`.
 ///
-/// In each round every camera that has a new frame has one turn, always in the same order: a camera waits for one frame of
-/// each other camera at most. A camera whose source ended ends in its own turn.
+/// In each round every camera that has a new frame has one turn, always in the same order: a camera waits for
+/// one frame of each other camera at most. A camera whose source ended ends in its own turn.
 pub(super) fn run_round_robin<T: RoundRobinTask>(
     tasks: Vec<T>,
     states: &[StreamState],

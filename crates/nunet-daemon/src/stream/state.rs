@@ -54,7 +54,8 @@ impl StreamState {
         self.is_waiting.load(Ordering::Relaxed)
     }
 
-    /// Whether the source reported since [`StreamState::forget_report`] that it waits. A source that hangs reports nothing.
+    /// Whether the source reported since [`StreamState::forget_report`] that it waits. A source that hangs
+    /// reports nothing.
     pub(super) fn has_reported_waiting(&self) -> bool {
         self.has_reported_waiting.load(Ordering::Relaxed)
     }

@@ -1,5 +1,5 @@
-//! SIGINT, SIGTERM and SIGHUP: the first finishes what is in flight. A second SIGINT or SIGTERM ends the process at once
-//! if it arrives at least one second after the first.
+//! SIGINT, SIGTERM and SIGHUP: the first finishes what is in flight. A second SIGINT or SIGTERM ends the
+//! process at once if it arrives at least one second after the first.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,8 +13,8 @@ use signal_hook::{flag, low_level};
 
 /// Exit code of the second signal.
 const INTERRUPTED_TWICE: i32 = 130;
-/// Two signals within this time count as one. `timeout` of coreutils signals the process and its group, `ros2 launch` and
-/// a terminal do the same.
+/// Two signals within this time count as one. `timeout` of coreutils signals the process and its group,
+/// `ros2 launch` and a terminal do the same.
 const ONE_REQUEST: Duration = Duration::from_secs(1);
 /// How often a stop is checked while sleeping.
 const GLANCE: Duration = Duration::from_millis(50);
@@ -39,8 +39,8 @@ impl Stop {
         let signals = Signals::new([SIGINT, SIGTERM]).context(failed)?;
         let thread = std::thread::Builder::new().name("signals".into());
         thread.spawn(|| exit_on_second_signal(signals)).context(failed)?;
-        // A closed terminal sends it twice, from the kernel and from the shell, and SIGTERM may follow: it does not count as
-        // the first of two.
+        // A closed terminal sends it twice, from the kernel and from the shell, and SIGTERM may follow: it
+        // does not count as the first of two.
         if !is_signal_ignored(SIGHUP) {
             flag::register(SIGHUP, Arc::clone(&stop.0)).context(failed)?;
         }
@@ -82,7 +82,8 @@ impl Stop {
     }
 }
 
-/// Makes a file beyond the limit of its size (`ulimit -f`) an error of its writer, not the end of the process.
+/// Makes a file beyond the limit of its size (`ulimit -f`) an error of its writer, not the end of the
+/// process.
 pub(crate) fn survive_size_limits() {
     let _ = flag::register(SIGXFSZ, Arc::default()); // it fails for signals that cannot be handled only
 }

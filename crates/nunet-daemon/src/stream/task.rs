@@ -132,8 +132,8 @@ impl RoundRobinTask for StreamTask {
         self
     }
 
-    /// Takes the waiting frame, if there is one. If a sink has no room, the frame stays in the mailbox, so that other cameras
-    /// do not wait.
+    /// Takes the waiting frame, if there is one. If a sink has no room, the frame stays in the mailbox, so
+    /// that other cameras do not wait.
     fn poll(&mut self, state: &StreamState) -> Poll {
         if state.stop.requested() || self.failure.is_some() {
             return self.wind_up(state);
@@ -180,8 +180,8 @@ impl RoundRobinTask for StreamTask {
 }
 
 impl StreamTask {
-    /// A stop finishes the frame being processed, not the waiting one. This thread or the capture thread supersedes the
-    /// waiting one; the first of them counts it.
+    /// A stop finishes the frame being processed, not the waiting one. This thread or the capture thread
+    /// supersedes the waiting one; the first of them counts it.
     fn wind_up(&mut self, state: &StreamState) -> Poll {
         // Checked first: a closed mailbox takes no more frames.
         let closed = state.mailbox.wait_closed(Duration::ZERO);
@@ -195,7 +195,8 @@ impl StreamTask {
         Poll::Idle
     }
 
-    /// The source is paused: readers may have joined meanwhile, and frames may have failed before they came here.
+    /// The source is paused: readers may have joined meanwhile, and frames may have failed before they came
+    /// here.
     fn idle(&mut self, state: &StreamState) {
         self.give_back_if_requested(state);
         if self.served.elapsed() < LATE_JOINER_PERIOD {

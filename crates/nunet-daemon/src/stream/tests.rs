@@ -216,7 +216,8 @@ fn a_stalled_disk_delays_only_its_own_camera_and_drops_no_frame() {
 
 #[test]
 fn a_stop_ends_a_run_whose_disk_stalls_and_unwritten_frames_count_as_dropped() {
-    // As many frames as there is room for in front of the disk; then the source waits, and so does its next frame.
+    // As many frames as there is room for in front of the disk; then the source waits, and so does its next
+    // frame.
     const UNDER_WAY: u64 = 8;
     let (disk, notify, stop) = (Arc::new(Disk::default()), Arc::new(Notify::default()), Stop::default());
     let name = camera("held");

@@ -84,8 +84,8 @@ pub(crate) fn calibrate(options: &CalibrateOptions) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// Checks before anything is computed that the output can be written and destroys nothing. Only the named calibration may
-/// be overwritten without `--force`, because all of it stays.
+/// Checks before anything is computed that the output can be written and destroys nothing. Only the named
+/// calibration may be overwritten without `--force`, because all of it stays.
 fn check_files(options: &CalibrateOptions) -> anyhow::Result<()> {
     let mut files = FilePlan::default();
     find_model(&options.model).iter().for_each(|model| files.read_model(model));

@@ -81,8 +81,8 @@ fn check_engine(checks: &mut Checks, model: &Path, engine: EngineOptions) -> Opt
 /// ONNX Runtime's name of the provider that can compute every node.
 const CPU_PROVIDER: &str = "CPUExecutionProvider";
 
-/// The provider, and how many of the network's nodes each provider computes. Nodes that the chosen one does not support
-/// run on the processor without a message.
+/// The provider, and how many of the network's nodes each provider computes. Nodes that the chosen one does
+/// not support run on the processor without a message.
 fn provider(graph: &SerialGraph) -> Finding {
     let provider = graph.provider();
     let nodes = graph.node_assignment().map_err(Problem::of)?;

@@ -60,8 +60,8 @@ pub(crate) fn feed(options: &FeedOptions) -> anyhow::Result<Outcome> {
     Ok(if failed == 0 && end != SourceEnd::Truncated { Outcome::Done } else { Outcome::Lost })
 }
 
-/// Sends the last image to readers that join while `feed` waits for the next one. It runs on its own thread, because a
-/// pipe can block and a slow pace sleeps.
+/// Sends the last image to readers that join while `feed` waits for the next one. It runs on its own thread,
+/// because a pipe can block and a slow pace sleeps.
 fn serving_late_joiners(
     images: &OnceLock<RgbPublisher>,
     feed: impl FnOnce() -> anyhow::Result<SourceEnd>,
@@ -240,7 +240,8 @@ mod tests {
     use crate::exit::camera_name;
     use crate::source::{Fill, Rate, Source, SourceError};
 
-    /// A gray image, and then color ones, each instead of as many others as its number. The fourth cannot be read.
+    /// A gray image, and then color ones, each instead of as many others as its number. The fourth cannot be
+    /// read.
     struct Turning(u64);
 
     impl Source for Turning {

@@ -1,4 +1,5 @@
-//! `nunetd replay`: re-runs a recording through the model into another recording, every frame, deterministically.
+//! `nunetd replay`: re-runs a recording through the model into another recording, every frame,
+//! deterministically.
 
 use anyhow::Context as _;
 use indicatif::ProgressBar;

@@ -60,8 +60,8 @@ fn start(config: &Config, stop: &Stop, warn: impl FnOnce()) -> anyhow::Result<Ou
     let cameras = cameras.into_iter().zip(pipelines);
     let cameras = cameras.map(|(camera, pipeline)| camera.open(pipeline, common, several, stop));
     let cameras = cameras.collect::<anyhow::Result<Vec<_>>>()?;
-    // Last, so that a failed start leaves no folders and no recordings. From the first recording on, the stream handles a
-    // stop.
+    // Last, so that a failed start leaves no folders and no recordings. From the first recording on, the
+    // stream handles a stop.
     stop.check()?;
     outputs.make()?;
     warn();
@@ -137,7 +137,8 @@ fn finish(
     combine(outcome, results)
 }
 
-/// The outcome of the cameras, then that of everything that was written: the first failure is returned, others are logged.
+/// The outcome of the cameras, then that of everything that was written: the first failure is returned,
+/// others are logged.
 fn combine(
     cameras: anyhow::Result<Outcome>,
     written: Vec<anyhow::Result<Outcome>>,

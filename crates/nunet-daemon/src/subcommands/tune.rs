@@ -20,8 +20,8 @@ use crate::Outcome;
 use crate::exit::{BadArguments, WithHint};
 use nunet_sink::stdout::print;
 
-/// A combination with fewer threads is preferred if it is at most this much slower than the fastest, because a robot has
-/// other work for its cores.
+/// A combination with fewer threads is preferred if it is at most this much slower than the fastest, because
+/// a robot has other work for its cores.
 const AS_FAST: f64 = 1.05;
 
 /// The options of `tune`.

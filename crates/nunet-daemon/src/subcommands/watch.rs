@@ -18,7 +18,8 @@ use nunet_sink::watch_text::{BesideDepth, json_of, line_of, screen_of};
 const GLANCE: Duration = Duration::from_millis(100);
 /// What every output reads.
 const TOPICS: [Topic; 2] = [Topic::Depth, Topic::Stats];
-/// How long the first frame waits for the stats, which arrive with the next frame or when a late reader is served.
+/// How long the first frame waits for the stats, which arrive with the next frame or when a late reader is
+/// served.
 const FIRST_STATS: Duration = Duration::from_millis(500);
 /// How often it checks for them.
 const FIRST_STATS_PERIOD: Duration = Duration::from_millis(5);
@@ -105,8 +106,8 @@ impl Watcher {
         Ok(frame)
     }
 
-    /// The stats of a frame arrive after it, so the known ones are of the previous frame or newer. The first frame waits for
-    /// them, because stages have no names without them.
+    /// The stats of a frame arrive after it, so the known ones are of the previous frame or newer. The first
+    /// frame waits for them, because stages have no names without them.
     fn follow_stats(&mut self) -> anyhow::Result<()> {
         let start = Instant::now();
         loop {

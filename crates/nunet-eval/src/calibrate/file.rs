@@ -18,11 +18,13 @@ impl Calibrator {
         Ok(rotation.map_or(Ok(*camera), |rotation| rotation.camera(camera))?)
     }
 
-    /// Writes a factor into the calibration file `out`: the text of the file `named`, which may be `out` itself, otherwise
-    /// the intrinsics of the last image. `model` has the name of the model and its SHA-256, hexadecimal.
+    /// Writes a factor into the calibration file `out`: the text of the file `named`, which may be `out`
+    /// itself, otherwise the intrinsics of the last image. `model` has the name of the model and its SHA-256,
+    /// hexadecimal.
     ///
     /// # Errors
-    /// No intrinsics, a file that the factor cannot be added to, or a failure of the system. Nothing is written then.
+    /// No intrinsics, a file that the factor cannot be added to, or a failure of the system. Nothing is
+    /// written then.
     pub fn write_calibration(
         &self,
         out: &Path,

@@ -1,7 +1,7 @@
 //! Measures the factor of a camera, by which the network's meters must be multiplied.
 //!
-//! Each frame, image or reading is an observation: true depth over the network's depth. [`Agreement`] is their median, if they
-//! agree.
+//! Each frame, image or reading is an observation: true depth over the network's depth. [`Agreement`] is
+//! their median, if they agree.
 
 mod agreement;
 mod error;
@@ -126,8 +126,8 @@ impl Calibrator {
         Ok(found)
     }
 
-    /// Compares a frame of a source with a reference. Returns what a user should know about the camera, once. A frame without
-    /// depth at the point, or without enough floor, is not an observation.
+    /// Compares a frame of a source with a reference. Returns what a user should know about the camera, once.
+    /// A frame without depth at the point, or without enough floor, is not an observation.
     ///
     /// # Errors
     /// A point outside the image, a camera that does not fit, or a failure of the network.
@@ -145,8 +145,9 @@ impl Calibrator {
         Ok(news)
     }
 
-    /// Compares with a table of readings: CSV with the columns `image` (a file, relative to the table), `u`, `v` (pixels) and
-    /// `distance` (meters). Readings that the network does not see, or where it has no depth, are reported and skipped.
+    /// Compares with a table of readings: CSV with the columns `image` (a file, relative to the table), `u`,
+    /// `v` (pixels) and `distance` (meters). Readings that the network does not see, or where it has no
+    /// depth, are reported and skipped.
     ///
     /// # Errors
     /// A table or an image that cannot be used.
@@ -209,7 +210,8 @@ impl Calibrator {
     /// Compares with the true depth of a dataset, one observation per image.
     ///
     /// # Errors
-    /// A dataset that cannot be used, or a recording of predictions. Images that cannot be read are reported and skipped.
+    /// A dataset that cannot be used, or a recording of predictions. Images that cannot be read are reported
+    /// and skipped.
     pub fn add_truth(
         &mut self,
         options: &EvalOptions,

@@ -44,8 +44,8 @@ impl SkippedReadings {
 
 const COLUMNS: [&str; 4] = ["image", "u", "v", "distance"];
 
-/// Reads a table with the columns `image`, `u`, `v` and `distance`, in any order; others are ignored. Every image must
-/// exist.
+/// Reads a table with the columns `image`, `u`, `v` and `distance`, in any order; others are ignored. Every
+/// image must exist.
 pub(super) fn read(path: &Path) -> Result<Vec<Reading>, CalibrateError> {
     let wrong = |reason: String| CalibrateError::Readings { path: path.to_owned(), reason };
     let text = read_list(path).map_err(|error| wrong(error.to_string()))?;

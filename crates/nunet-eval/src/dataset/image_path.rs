@@ -8,7 +8,8 @@ use nunet_source::SourceError;
 use crate::error::EvalError;
 use crate::image_name::ImageName;
 
-/// The file of `id` in a folder, with one of `endings` in lower case or in capitals. If there is none, the expected path.
+/// The file of `id` in a folder, with one of `endings` in lower case or in capitals. If there is none, the
+/// expected path.
 ///
 /// # Errors
 /// Several files: nothing says which one is meant.
@@ -23,7 +24,8 @@ pub(super) fn image_path(folder: &Path, id: &str, endings: &[&str]) -> Result<Pa
     Err(EvalError::ReadImage { image: ImageName::from(&*first).into(), source })
 }
 
-/// Device and number of a file. They are equal for links, and for two spellings where the file system ignores case.
+/// Device and number of a file. They are equal for links, and for two spellings where the file system ignores
+/// case.
 fn identity(path: &Path) -> Option<(u64, u64)> {
     path.metadata().ok().map(|file| (file.dev(), file.ino()))
 }

@@ -138,8 +138,8 @@ impl Dataset {
             None => images.into_iter().chain(depths).collect::<BTreeSet<_>>().into_iter().collect(),
         };
         let TimePairs { depth_of: partners, strays, .. } = pairs;
-        // Depth that belongs to an image of another name is not an image without a partner. A list is not shortened: what
-        // it names is measured or reported.
+        // Depth that belongs to an image of another name is not an image without a partner. A list is not
+        // shortened: what it names is measured or reported.
         let paired: BTreeSet<&String> = partners.values().collect();
         ids.retain(|id| options.ids.is_some() || !(paired.contains(id) || strays.contains(id)));
         if ids.is_empty() {

@@ -17,7 +17,8 @@ pub(super) struct TimePairs {
 }
 
 impl TimePairs {
-    /// Images and depth with equal names belong together. Of the others, those whose names are times are joined.
+    /// Images and depth with equal names belong together. Of the others, those whose names are times are
+    /// joined.
     pub(super) fn find(images: &[String], depths: &[String]) -> Self {
         let known = |names: &[String]| names.iter().cloned().collect::<BTreeSet<_>>();
         let (images, depths) = (known(images), known(depths));
@@ -59,8 +60,8 @@ fn times<'a>(names: impl Iterator<Item = &'a String>) -> Vec<(u64, &'a String)> 
     times
 }
 
-/// Seconds with a fraction, or a whole number since 1970 in milli-, micro- or nanoseconds, recognized by its digits. A
-/// number with leading zeros counts images.
+/// Seconds with a fraction, or a whole number since 1970 in milli-, micro- or nanoseconds, recognized by its
+/// digits. A number with leading zeros counts images.
 pub(super) fn nanos(name: &str) -> Option<u64> {
     let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
     if let Some((seconds, fraction)) = name.split_once('.') {

@@ -52,8 +52,8 @@ pub(crate) fn is_recording(dataset: &Path) -> bool {
     !dataset.join("rgb").is_dir() && nunet_mcap::is_recording(dataset)
 }
 
-/// Writes each image with the depth nearest to it in time. Messages may be in any order, so the times of all depth are
-/// read first. Then images are written, and last the depth that belongs to them.
+/// Writes each image with the depth nearest to it in time. Messages may be in any order, so the times of all
+/// depth are read first. Then images are written, and last the depth that belongs to them.
 pub(super) fn unpack(options: &EvalOptions, on_event: OnEvent<'_>) -> Result<Unpacked, EvalError> {
     let path = &options.dataset;
     let open = OpenOptions { topic: options.topic.as_deref(), ..OpenOptions::default() };

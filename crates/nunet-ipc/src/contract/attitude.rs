@@ -29,8 +29,8 @@ impl FieldType for AttitudeSample {
 }
 
 contract_struct! {
-    /// The last samples of the attitude of the robot's base, so that a frame which is processed later finds the sample of
-    /// its capture time.
+    /// The last samples of the attitude of the robot's base, so that a frame which is processed later finds
+    /// the sample of its capture time.
     AttitudeRecord, 4160 bytes {
         /// [`CONTRACT_VERSION`].
         pub contract_version: u32,
@@ -70,7 +70,8 @@ impl AttitudeRecord {
         self.sample_count = place as u32 + 1;
     }
 
-    /// The sample nearest to a time, nanoseconds of the samples' clock; the newest of several at the same distance.
+    /// The sample nearest to a time, nanoseconds of the samples' clock; the newest of several at the same
+    /// distance.
     #[must_use]
     pub fn nearest(&self, nanos: i64) -> Option<&AttitudeSample> {
         self.samples().iter().rev().min_by_key(|sample| sample.capture_nanos.abs_diff(nanos))

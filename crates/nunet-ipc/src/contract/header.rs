@@ -104,8 +104,9 @@ contract_struct! {
     }
 }
 
-// SAFETY: `FrameHeader` is `repr(C)`, holds nothing but fixed-width numbers and arrays of them, and has no padding
-// (asserted by `contract_struct!`), so it means the same in every process and every bit pattern of it is valid.
+// SAFETY: `FrameHeader` is `repr(C)`, holds nothing but fixed-width numbers and arrays of them, and has no
+// padding (asserted by `contract_struct!`), so it means the same in every process and every bit pattern of it
+// is valid.
 unsafe impl ZeroCopySend for FrameHeader {
     unsafe fn type_name() -> &'static str {
         HEADER_TYPE_NAME

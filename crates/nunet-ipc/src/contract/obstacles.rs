@@ -11,8 +11,8 @@ use super::CONTRACT_VERSION;
 pub const OBSTACLES_TYPE_NAME: &str = "nunet.v1.ObstacleRecord";
 
 contract_struct! {
-    /// The obstacles of one frame, in the leveled base frame: x forward, y left, z up, origin on the floor. The header's
-    /// `frame_id` is that of the base.
+    /// The obstacles of one frame, in the leveled base frame: x forward, y left, z up, origin on the floor.
+    /// The header's `frame_id` is that of the base.
     ObstacleRecord, 111680 bytes {
         /// [`CONTRACT_VERSION`].
         pub contract_version: u32,
@@ -24,7 +24,8 @@ contract_struct! {
         pub ground_refined: u32,
         /// 1 if labels identified floor and glass, 0 if only geometry did.
         pub used_labels: u32,
-        /// The right boundary of the first sector, radians, counterclockwise from x; the sectors follow counterclockwise.
+        /// The right boundary of the first sector, radians, counterclockwise from x; the sectors follow
+        /// counterclockwise.
         pub angle_min_rad: f32,
         /// The width of a sector, radians.
         pub angle_step_rad: f32,
@@ -42,7 +43,8 @@ contract_struct! {
         pub ground_slope_y: f32,
         /// The ground: height at the origin, meters.
         pub ground_height_m: f32,
-        /// 1 if the mount was turned by the robot's attitude at the capture time, 0 if the robot counts as level.
+        /// 1 if the mount was turned by the robot's attitude at the capture time, 0 if the robot counts as
+        /// level.
         pub used_attitude: u32,
         /// Zero; room for later fields.
         pub reserved: [u8; 100],

@@ -1,7 +1,8 @@
 //! iceoryx2's failures in plain words.
 //!
-//! iceoryx2 names a failure by a variant such as `InsufficientPermissions` and keeps the system's reason in its log. So
-//! the variant decides what failed, and the folders that iceoryx2 uses are looked at to find out why.
+//! iceoryx2 names a failure by a variant such as `InsufficientPermissions` and keeps the system's reason in
+//! its log. So the variant decides what failed, and the folders that iceoryx2 uses are looked at to find out
+//! why.
 
 use std::fmt;
 use std::fs::{create_dir, metadata, read_dir, remove_dir};
@@ -196,7 +197,8 @@ fn small_files(limit: Option<u64>) -> Option<Problem> {
     limit.filter(|&limit| limit < CAMERA_BYTES).map(Problem::SmallFiles)
 }
 
-/// Whether this process is close to its limit of open files: iceoryx2 opens several at once and closes them if one fails.
+/// Whether this process is close to its limit of open files: iceoryx2 opens several at once and closes them
+/// if one fails.
 fn has_too_many_files() -> bool {
     const AT_ONCE: u64 = 10;
     let open = match read_dir("/proc/self/fd") {

@@ -7,7 +7,8 @@ use rustix::process::Uid;
 /// The bits of a mode without those of the kind of file.
 pub(crate) const PERMISSIONS: u32 = 0o7777;
 
-/// Whether it is its own mode that keeps a user out of a folder of `uid`, as a umask of 0777 does. Modes do not bind root.
+/// Whether it is its own mode that keeps a user out of a folder of `uid`, as a umask of 0777 does. Modes do
+/// not bind root.
 pub(crate) fn is_closed_by_mode(uid: u32, mode: u32, user: Uid) -> bool {
     const OWNER_ALL: u32 = 0o700;
     !user.is_root() && uid == user.as_raw() && mode & OWNER_ALL != OWNER_ALL

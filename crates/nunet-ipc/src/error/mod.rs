@@ -22,7 +22,8 @@ pub use kind::IpcErrorKind;
 /// The errors of this crate, except those with a type of their own
 /// ([`CameraNameError`](crate::CameraNameError), [`UnknownValue`](crate::UnknownValue)).
 ///
-/// The text says what failed; [`kind`](Self::kind) is for programs; [`Hint`](nunet_types::Hint) says what to do about it.
+/// The text says what failed; [`kind`](Self::kind) is for programs; [`Hint`](nunet_types::Hint) says what to
+/// do about it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum IpcError {

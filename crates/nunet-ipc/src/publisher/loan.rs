@@ -15,8 +15,8 @@ use crate::contract::{Block64, CONTRACT_VERSION, FrameHeader};
 use crate::error::IpcError;
 use crate::iceoryx::Iceoryx;
 
-/// A chunk of shared memory on loan from a [`Publisher`](crate::Publisher): fill its header and its bytes, then
-/// publish it. Dropping it returns it unpublished. `Send`: another thread may fill it.
+/// A chunk of shared memory on loan from a [`Publisher`](crate::Publisher): fill its header and its bytes,
+/// then publish it. Dropping it returns it unpublished. `Send`: another thread may fill it.
 #[derive(Debug)]
 pub struct Loan {
     sample: SampleMut<Iceoryx, [Block64], FrameHeader>,
@@ -30,8 +30,8 @@ impl Loan {
         topic: Topic,
         payload_bytes: usize,
     ) -> Self {
-        // SAFETY: the chunk is memory that the kernel handed out as zeros (`prefault` had it backed by pages) and that
-        // only whole `Block64`s were written to since; any bytes are a valid `Block64`.
+        // SAFETY: the chunk is memory that the kernel handed out as zeros (`prefault` had it backed by pages)
+        // and that only whole `Block64`s were written to since; any bytes are a valid `Block64`.
         let mut sample = unsafe { sample.assume_init() };
         let header = sample.user_header_mut();
         header.set_topic(topic);
@@ -45,8 +45,8 @@ impl Loan {
         self.sample.user_header_mut()
     }
 
-    /// The payload, aligned to 64 bytes, in shared memory: readers see the same memory. It still contains the bytes of an
-    /// earlier frame.
+    /// The payload, aligned to 64 bytes, in shared memory: readers see the same memory. It still contains the
+    /// bytes of an earlier frame.
     pub fn bytes_mut(&mut self) -> &mut [u8] {
         let bytes = bytemuck::cast_slice_mut::<Block64, u8>(self.sample.payload_mut());
         &mut bytes[..self.payload_bytes]
@@ -66,8 +66,8 @@ impl Loan {
     }
 
     /// Sends the frame and returns how many readers received it. `publish_nanos`: now, in nanoseconds of
-    /// `CLOCK_MONOTONIC`. It wakes no reader: call [`Publisher::notify`](crate::Publisher::notify) once for all topics of a
-    /// frame.
+    /// `CLOCK_MONOTONIC`. It wakes no reader: call [`Publisher::notify`](crate::Publisher::notify) once for
+    /// all topics of a frame.
     ///
     /// # Errors
     /// [`IpcError::CaptureTime`] if the header's `capture_nanos` is negative, [`IpcError::Iceoryx`].
@@ -83,8 +83,8 @@ impl Loan {
     }
 }
 
-/// Refuses a capture time before the zero of its clock, as [`Loan::publish`] does: for programs that know the time before
-/// they fill an image.
+/// Refuses a capture time before the zero of its clock, as [`Loan::publish`] does: for programs that know the
+/// time before they fill an image.
 ///
 /// # Errors
 /// [`IpcError::CaptureTime`].

@@ -39,9 +39,10 @@ const CLEAN_UP_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// The publisher of some of a camera's topics.
 ///
-/// Creating one creates the services, reserves all the memory they will ever use, and backs it with pages. Readers that
-/// are slow, keep their frames or crash cannot block the publisher or each other. Dropping it removes the services, unless
-/// readers still have them open: then the next publisher takes them over, and the readers receive its frames.
+/// Creating one creates the services, reserves all the memory they will ever use, and backs it with pages.
+/// Readers that are slow, keep their frames or crash cannot block the publisher or each other. Dropping it
+/// removes the services, unless readers still have them open: then the next publisher takes them over, and
+/// the readers receive its frames.
 #[derive(Debug)]
 pub struct Publisher {
     camera: CameraName,
@@ -63,15 +64,15 @@ impl Publisher {
     /// Becomes the publisher of these topics of a camera.
     ///
     /// # Errors
-    /// [`IpcError::AlreadyPublished`] when another process publishes one of them, [`IpcError::SharedMemoryTooSmall`]
-    /// when they do not fit, [`IpcError::ContractVersion`] and [`IpcError::OtherLimits`] when readers keep services
-    /// open that this publisher cannot take over.
+    /// [`IpcError::AlreadyPublished`] when another process publishes one of them,
+    /// [`IpcError::SharedMemoryTooSmall`] when they do not fit, [`IpcError::ContractVersion`] and
+    /// [`IpcError::OtherLimits`] when readers keep services open that this publisher cannot take over.
     pub fn create(camera: &CameraName, plans: &[TopicPlan], limits: &Limits) -> Result<Self, IpcError> {
         Self::create_within(camera, plans, limits, free_shared_memory_bytes()?)
     }
 
-    /// [`create`](Self::create) for a program that may be asked to stop meanwhile: it stops waiting for other publishers
-    /// when `given_up` returns true. That wait can take a minute if one of them hangs.
+    /// [`create`](Self::create) for a program that may be asked to stop meanwhile: it stops waiting for other
+    /// publishers when `given_up` returns true. That wait can take a minute if one of them hangs.
     ///
     /// # Errors
     /// Those of [`create`](Self::create), and [`IpcError::Locked`] when it gave up.
@@ -145,8 +146,9 @@ impl Publisher {
         &self.reservation
     }
 
-    /// Whether a topic has readers; false for a topic that is not this publisher's. It costs two loads from shared memory,
-    /// so it can be asked before every frame. A killed reader counts until some process cleans up after it.
+    /// Whether a topic has readers; false for a topic that is not this publisher's. It costs two loads from
+    /// shared memory, so it can be asked before every frame. A killed reader counts until some process cleans
+    /// up after it.
     #[must_use]
     pub fn has_readers(&self, topic: Topic) -> bool {
         self.owned(topic).is_some_and(|owned| owned.service.dynamic_config().number_of_subscribers() > 0)
@@ -155,8 +157,8 @@ impl Publisher {
     /// Borrows a chunk for a frame of the planned size. It contains the bytes of an earlier frame.
     ///
     /// # Errors
-    /// [`IpcError::NoSuchTopic`], and [`IpcError::TooManyLoans`] when [`Limits::max_loans`] are open. While fewer
-    /// are open, a loan always succeeds.
+    /// [`IpcError::NoSuchTopic`], and [`IpcError::TooManyLoans`] when [`Limits::max_loans`] are open. While
+    /// fewer are open, a loan always succeeds.
     pub fn loan(&self, topic: Topic) -> Result<Loan, IpcError> {
         self.loan_bytes(topic, self.topic(topic)?.plan.payload_bytes)
     }
@@ -190,8 +192,9 @@ impl Publisher {
         })
     }
 
-    /// Connects readers that opened since the last frame, and sends them the newest one. Publishing does the same. Call it
-    /// every [`LATE_JOINER_PERIOD`], so that a late subscriber receives the last frame while the source is paused.
+    /// Connects readers that opened since the last frame, and sends them the newest one. Publishing does the
+    /// same. Call it every [`LATE_JOINER_PERIOD`], so that a late subscriber receives the last frame while
+    /// the source is paused.
     ///
     /// # Errors
     /// [`IpcError::Iceoryx`].
@@ -250,7 +253,8 @@ impl OwnedTopic {
     }
 }
 
-/// Shares the services with the group, if there is one. They may be older than this publisher, so they are named.
+/// Shares the services with the group, if there is one. They may be older than this publisher, so they are
+/// named.
 fn share_services(
     camera: &CameraName,
     services: &[(TopicPlan, TopicService)],

@@ -3,7 +3,8 @@
 
 use std::marker::PhantomData;
 
-/// The location of the payload of a sent message: an address, not a pointer, so that it can move between threads.
+/// The location of the payload of a sent message: an address, not a pointer, so that it can move between
+/// threads.
 #[derive(Debug)]
 pub struct SentPayload<T> {
     address: usize,
@@ -20,11 +21,12 @@ impl<T> SentPayload<T> {
     /// The payload.
     ///
     /// # Safety
-    /// The message was sent, and no newer one of its topic for as long as the result is borrowed: until then the history
-    /// of its service holds its memory, and no process writes into memory that was sent.
+    /// The message was sent, and no newer one of its topic for as long as the result is borrowed: until then
+    /// the history of its service holds its memory, and no process writes into memory that was sent.
     #[must_use]
     pub unsafe fn payload<'a>(&self) -> &'a [T] {
-        // SAFETY: address and count are those of a slice (see `of`); the caller keeps its memory alive and unchanged.
+        // SAFETY: address and count are those of a slice (see `of`); the caller keeps its memory alive and
+        // unchanged.
         unsafe { std::slice::from_raw_parts(std::ptr::with_exposed_provenance(self.address), self.count) }
     }
 }

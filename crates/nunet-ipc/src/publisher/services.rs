@@ -21,24 +21,25 @@ use crate::service::{TopicService, WakeService, open_topic, publisher_of, refuse
 /// A queue and the history hold one frame: the newest wins.
 const QUEUE_FRAMES: usize = 1;
 
-/// Processes that may have a service open besides its readers: the publisher, the next publisher, tools, and dead ones
-/// that were not cleaned up yet.
+/// Processes that may have a service open besides its readers: the publisher, the next publisher, tools, and
+/// dead ones that were not cleaned up yet.
 const SPARE_NODES: usize = 12;
 
-/// Listeners of one camera. Not part of [`Limits`], because a camera and a daemon share the event service, and the first
-/// of them creates it.
+/// Listeners of one camera. Not part of [`Limits`], because a camera and a daemon share the event service,
+/// and the first of them creates it.
 const MAX_LISTENERS: usize = 64;
 
-/// The publisher of `rgb`, that of `attitude`, the publisher of the rest, and dead ones that were not cleaned up yet.
+/// The publisher of `rgb`, that of `attitude`, the publisher of the rest, and dead ones that were not cleaned
+/// up yet.
 const MAX_NOTIFIERS: usize = 8;
 
 /// Opens or creates a topic's service, as its publisher.
 ///
-/// A service may be in the way for three reasons, and each has its own remedy: half of one that a killed process left
-/// behind is removed first (`repair`); one that its last user marked but could not remove is removed when iceoryx2 reports
-/// it (`remove_marked`), then creation is tried once more; one that readers of an earlier publisher keep open is taken
-/// over if its limits are the same, and is an error otherwise. iceoryx2 checks limits only as minimums when it opens a
-/// service, so they are compared here once more.
+/// A service may be in the way for three reasons, and each has its own remedy: half of one that a killed
+/// process left behind is removed first (`repair`); one that its last user marked but could not remove is
+/// removed when iceoryx2 reports it (`remove_marked`), then creation is tried once more; one that readers of
+/// an earlier publisher keep open is taken over if its limits are the same, and is an error otherwise.
+/// iceoryx2 checks limits only as minimums when it opens a service, so they are compared here once more.
 pub(crate) fn create_topic(
     lock: &CreationLock,
     node: &Node<Iceoryx>,
@@ -98,7 +99,8 @@ fn asks_for_more(cause: &PublishSubscribeOpenOrCreateError) -> bool {
     )
 }
 
-/// Why a service with other limits is in the way. If a living process publishes the camera, the error names it.
+/// Why a service with other limits is in the way. If a living process publishes the camera, the error names
+/// it.
 fn other_limits(node: &Node<Iceoryx>, camera: &CameraName, topic: Topic) -> IpcError {
     let service = open_topic(node, camera, topic).ok().flatten();
     match service.as_ref().and_then(publisher_of).filter(|publisher| publisher.alive) {

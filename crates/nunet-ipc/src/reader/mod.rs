@@ -29,8 +29,9 @@ const SHORTEST_SLEEP: Duration = Duration::from_micros(10);
 
 /// A reader of some of a camera's topics.
 ///
-/// It receives the newest frame of each topic, and delays neither the publisher nor other readers. When the publisher
-/// ends, the reader stays connected to the services; frames of a new publisher arrive without opening again. `Send`.
+/// It receives the newest frame of each topic, and delays neither the publisher nor other readers. When the
+/// publisher ends, the reader stays connected to the services; frames of a new publisher arrive without
+/// opening again. `Send`.
 ///
 /// ```no_run
 /// use std::time::Duration;
@@ -158,8 +159,8 @@ impl Reader {
         Ok(newest)
     }
 
-    /// The process that publishes a topic: `None` when there is none, not alive when it was killed. It reads the file
-    /// system, so call it when no frames arrive, not for every frame.
+    /// The process that publishes a topic: `None` when there is none, not alive when it was killed. It reads
+    /// the file system, so call it when no frames arrive, not for every frame.
     ///
     /// # Errors
     /// [`IpcError::NoSuchTopic`].

@@ -1,9 +1,10 @@
 //! Opening a camera's services, and waiting for them.
 //!
-//! A program often waits for hours for a camera that is switched off, and many do so by opening again and again with a
-//! short timeout. So waiting only looks at files: no node of iceoryx2 is created before every service is there, because a
-//! node writes and syncs several files each time. One look is two system calls. A wait for a change of the folder
-//! (inotify) would need none, but every service of every other camera wakes it, and the folder may not exist yet.
+//! A program often waits for hours for a camera that is switched off, and many do so by opening again and
+//! again with a short timeout. So waiting only looks at files: no node of iceoryx2 is created before every
+//! service is there, because a node writes and syncs several files each time. One look is two system calls. A
+//! wait for a change of the folder (inotify) would need none, but every service of every other camera wakes
+//! it, and the folder may not exist yet.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -23,8 +24,8 @@ use crate::name::CameraName;
 use crate::recovery::create_node;
 use crate::service::{TopicService, is_complete, open_topic, open_wake};
 
-/// How soon to look again for a service that is not there yet, at first and at most. The longest period is the most that
-/// the first frame of a publisher is delayed.
+/// How soon to look again for a service that is not there yet, at first and at most. The longest period is
+/// the most that the first frame of a publisher is delayed.
 const FIRST_PERIOD: Duration = Duration::from_millis(10);
 const LONGEST_PERIOD: Duration = Duration::from_millis(200);
 
@@ -32,13 +33,14 @@ impl Reader {
     /// Opens topics of a camera. Waits for its publisher until the timeout.
     ///
     /// # Errors
-    /// [`IpcError::NobodyPublishes`] after the timeout, [`IpcError::TooManyReaders`], [`IpcError::ContractVersion`].
+    /// [`IpcError::NobodyPublishes`] after the timeout, [`IpcError::TooManyReaders`],
+    /// [`IpcError::ContractVersion`].
     pub fn open(camera: &CameraName, topics: &[Topic], timeout: Duration) -> Result<Self, IpcError> {
         Self::open_unless(camera, topics, timeout, || false)
     }
 
-    /// As [`open`](Self::open), but stops waiting when `interrupted` returns true. It is called before each new attempt,
-    /// at most 200 ms apart.
+    /// As [`open`](Self::open), but stops waiting when `interrupted` returns true. It is called before each
+    /// new attempt, at most 200 ms apart.
     ///
     /// # Errors
     /// Those of [`open`](Self::open); [`IpcError::NobodyPublishes`] also when it was interrupted.
@@ -94,8 +96,9 @@ fn listen(
     })?;
     if access::is_shared() {
         access::share_read()?;
-        // A publisher that looked before the files were shared does not look again until a listener appears or
-        // disappears. Where there is no room for one more, frames arrive without a wake-up, as after any lost one.
+        // A publisher that looked before the files were shared does not look again until a listener appears
+        // or disappears. Where there is no room for one more, frames arrive without a wake-up, as after any
+        // lost one.
         drop(service.listener_builder().create());
     }
     Ok(listener)
@@ -133,7 +136,8 @@ impl Waiting<'_> {
         })
     }
 
-    /// Attempts until there is a result, the time is over, or the caller stops waiting; attempts at least once.
+    /// Attempts until there is a result, the time is over, or the caller stops waiting; attempts at least
+    /// once.
     fn until<T>(
         &mut self,
         service: &str,

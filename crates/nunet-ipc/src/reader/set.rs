@@ -6,15 +6,16 @@ use super::{FrameSet, Reader};
 use crate::error::IpcError;
 
 impl Reader {
-    /// The newest frames of all topics but `stats` and `attitude` that belong together, if all have arrived: they have one
-    /// [`key`](crate::FrameHeader::key). Frames that arrived so far are kept for the next call; frames whose set cannot
-    /// become complete any more are dropped.
+    /// The newest frames of all topics but `stats` and `attitude` that belong together, if all have arrived:
+    /// they have one [`key`](crate::FrameHeader::key). Frames that arrived so far are kept for the next call;
+    /// frames whose set cannot become complete any more are dropped.
     ///
-    /// The daemon publishes results of one frame after the other, so of each result topic the newest frame is the right
-    /// one. An image (`rgb`) is different: the camera publishes newer ones while the daemon still works on an older one.
-    /// The image whose key the last results had is therefore kept until results of another key arrive, and only then
-    /// replaced by the newest image, which is most likely the one that the daemon takes next. Replacing it earlier would
-    /// let a fast camera overtake the daemon for ever, and no set would become complete.
+    /// The daemon publishes results of one frame after the other, so of each result topic the newest frame is
+    /// the right one. An image (`rgb`) is different: the camera publishes newer ones while the daemon still
+    /// works on an older one. The image whose key the last results had is therefore kept until results of
+    /// another key arrive, and only then replaced by the newest image, which is most likely the one that the
+    /// daemon takes next. Replacing it earlier would let a fast camera overtake the daemon for ever, and no
+    /// set would become complete.
     ///
     /// # Errors
     /// Those of [`next`](Self::next).

@@ -27,8 +27,8 @@ pub(super) fn dead_processes() -> Vec<u32> {
     dead
 }
 
-/// Removes memory that dead processes created but did not fill. Call it before iceoryx2 cleans up, which waits without a
-/// limit for the creator to complete such a file.
+/// Removes memory that dead processes created but did not fill. Call it before iceoryx2 cleans up, which
+/// waits without a limit for the creator to complete such a file.
 pub(super) fn remove_unfilled(dead: &[u32]) {
     if dead.is_empty() {
         return;
@@ -43,8 +43,9 @@ pub(super) fn remove_unfilled(dead: &[u32]) {
 /// How long iceoryx2 waits for another process to fill memory that it created.
 pub(super) const CREATION_TIMEOUT: Duration = Duration::from_millis(500);
 
-/// Removes the counter of nodes if its creator died before it filled it; returns whether there was one. iceoryx2 would wait for
-/// the creator each time. The file names no process, so its age decides: a live creator takes microseconds.
+/// Removes the counter of nodes if its creator died before it filled it; returns whether there was one.
+/// iceoryx2 would wait for the creator each time. The file names no process, so its age decides: a live
+/// creator takes microseconds.
 pub(super) fn remove_unfilled_counter() -> bool {
     let is_old = |path: &PathBuf| {
         let created = path.metadata().and_then(|metadata| metadata.modified());
@@ -72,8 +73,8 @@ fn is_unfilled(path: &Path) -> bool {
     path.metadata().is_ok_and(|metadata| metadata.permissions().mode() & OWNER_MAY_READ == 0)
 }
 
-/// Removes the shared memory of dead processes that iceoryx2's own cleanup missed: it uses lists that a process killed
-/// while it creates something has not written yet.
+/// Removes the shared memory of dead processes that iceoryx2's own cleanup missed: it uses lists that a
+/// process killed while it creates something has not written yet.
 pub(super) fn remove_orphans(dead: &[u32]) {
     if dead.is_empty() {
         return;

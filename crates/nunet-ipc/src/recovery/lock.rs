@@ -5,10 +5,10 @@
 //! The lock under which publishers create services, and the repair of services that were left incomplete.
 //!
 //! A process killed between the first and the last file of a service leaves half of it. iceoryx2 then reports
-//! `HangsInCreation` or `ServiceInCorruptedState` to every process that opens or creates it, forever. But half a service can
-//! also be one that another process is creating at this moment. To tell the two apart, publishers create services under
-//! a lock that the kernel releases when its holder dies. A process that holds the lock and finds half a service can be sure
-//! that its creator is dead, and may remove it.
+//! `HangsInCreation` or `ServiceInCorruptedState` to every process that opens or creates it, forever. But
+//! half a service can also be one that another process is creating at this moment. To tell the two apart,
+//! publishers create services under a lock that the kernel releases when its holder dies. A process that
+//! holds the lock and finds half a service can be sure that its creator is dead, and may remove it.
 
 use std::fs::File;
 use std::io;
@@ -25,8 +25,8 @@ use rustix::io::Errno;
 use crate::error::IpcError;
 use crate::iceoryx::{Iceoryx, config, record_of, root, service_name};
 
-/// How long the publishers before this one may take to create their services: a few small files each, but many cameras
-/// may start at once on a busy machine.
+/// How long the publishers before this one may take to create their services: a few small files each, but
+/// many cameras may start at once on a busy machine.
 const LOCK_TIMEOUT: Duration = Duration::from_secs(60);
 
 /// How often to try to take the lock.
@@ -42,7 +42,8 @@ pub(crate) struct CreationLock {
 }
 
 impl CreationLock {
-    /// Waits for the lock until `given_up` returns true. A node must exist, because the folder is created with it.
+    /// Waits for the lock until `given_up` returns true. A node must exist, because the folder is created
+    /// with it.
     pub(crate) fn take(given_up: &dyn Fn() -> bool) -> Result<Self, IpcError> {
         let path = root();
         let failed = |source| IpcError::Locked { folder: path.clone(), source };
@@ -59,8 +60,8 @@ impl CreationLock {
         }
     }
 
-    /// Removes a service that its last user marked for removal but could not remove: a process of another user, which the
-    /// sticky bit of `/dev/shm` stopped.
+    /// Removes a service that its last user marked for removal but could not remove: a process of another
+    /// user, which the sticky bit of `/dev/shm` stopped.
     pub(crate) fn remove_marked(
         &self,
         node: &Node<Iceoryx>,
@@ -68,19 +69,21 @@ impl CreationLock {
         pattern: MessagingPattern,
     ) -> Result<(), IpcError> {
         std::thread::sleep(REMOVAL_TIME);
-        // SAFETY: a service that is marked for destruction has no user left and accepts none, and its last user has
-        // had the time to remove it; no process creates it at the moment, because that needs the lock, which we hold.
+        // SAFETY: a service that is marked for destruction has no user left and accepts none, and its last
+        // user has had the time to remove it; no process creates it at the moment, because that needs the
+        // lock, which we hold.
         unsafe { node.force_remove_service(&service_name(name)?, pattern) }
             .map(drop)
             .map_err(|cause| IpcError::iceoryx(format!("remove what is left of service `{name}`"), cause))
     }
 
-    /// Removes what is left of a service that can be neither opened nor created. Does nothing for a service that is
-    /// complete or absent.
+    /// Removes what is left of a service that can be neither opened nor created. Does nothing for a service
+    /// that is complete or absent.
     ///
-    /// Three states are incomplete: the record is still writable (its creator died while writing it), the record exists
-    /// without the shared part, or the record cannot be parsed. The last two also occur for a moment while the last user
-    /// of a service removes it, which does not take the lock. So the service is looked at twice, [`REMOVAL_TIME`] apart.
+    /// Three states are incomplete: the record is still writable (its creator died while writing it), the
+    /// record exists without the shared part, or the record cannot be parsed. The last two also occur for a
+    /// moment while the last user of a service removes it, which does not take the lock. So the service is
+    /// looked at twice, [`REMOVAL_TIME`] apart.
     pub(crate) fn repair(
         &self,
         node: &Node<Iceoryx>,
@@ -104,8 +107,8 @@ impl CreationLock {
         if !is_incomplete() {
             return Ok(());
         }
-        // SAFETY: a service without its second half cannot be opened, so no process uses it; no process creates it at the
-        // moment, because that takes the lock, which we hold.
+        // SAFETY: a service without its second half cannot be opened, so no process uses it; no process
+        // creates it at the moment, because that takes the lock, which we hold.
         unsafe { node.force_remove_service(&service, pattern) }
             .map(drop)
             .map_err(|cause| IpcError::iceoryx(format!("remove what is left of service `{name}`"), cause))

@@ -3,10 +3,11 @@
 //! iceoryx2 0.10 cleans up after dead nodes, and creating a node starts that. This module adds two repairs
 //! that iceoryx2 does not do:
 //!
-//! - A process that dies between the first and the last file of a service leaves half of it, which no process can open or
-//!   create again. [`lock`] finds and removes such services.
-//! - A process that dies while it creates shared memory leaves files that are on no list. [`dead`] removes them. One of them
-//!   is the counter that all processes share: without its removal no process could create a node again.
+//! - A process that dies between the first and the last file of a service leaves half of it, which no process
+//!   can open or create again. [`lock`] finds and removes such services.
+//! - A process that dies while it creates shared memory leaves files that are on no list. [`dead`] removes
+//!   them. One of them is the counter that all processes share: without its removal no process could create a
+//!   node again.
 
 mod dead;
 mod lock;

@@ -1,8 +1,8 @@
 //! Files of killed processes.
 //!
-//! A process that is killed leaves its shared memory and its places in services. The next process that creates a
-//! publisher or a reader cleans up after it. These functions list the dead processes (`nunetd doctor`) and clean up at
-//! once.
+//! A process that is killed leaves its shared memory and its places in services. The next process that
+//! creates a publisher or a reader cleans up after it. These functions list the dead processes
+//! (`nunetd doctor`) and clean up at once.
 
 use iceoryx2::node::{Node, NodeState, NodeView};
 use iceoryx2::prelude::CallbackProgression;
@@ -24,8 +24,8 @@ pub struct Orphan {
 pub struct Cleaning {
     /// Dead processes whose files were removed.
     pub removed: usize,
-    /// Dead processes whose files could not be removed: they belong to another user or another version of iceoryx2, or
-    /// another process is removing them.
+    /// Dead processes whose files could not be removed: they belong to another user or another version of
+    /// iceoryx2, or another process is removing them.
     pub failed: usize,
 }
 

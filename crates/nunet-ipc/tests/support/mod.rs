@@ -84,8 +84,8 @@ pub(crate) fn eventually<T>(what: &str, mut poll: impl FnMut() -> Option<T>) -> 
     }
 }
 
-/// A folder with its own iceoryx2 root: processes that run in it share services with each other only, not with anything
-/// else, so that what they leave behind can be counted.
+/// A folder with its own iceoryx2 root: processes that run in it share services with each other only, not
+/// with anything else, so that what they leave behind can be counted.
 pub(crate) struct Sandbox {
     folder: tempfile::TempDir,
     prefix: String,

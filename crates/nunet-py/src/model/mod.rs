@@ -30,34 +30,38 @@ use crate::result::{Result, ResultContext};
 
 /// A network that runs in this process, like `nunetd infer`.
 ///
-/// A model file that is new on this machine is first loaded in a child process with limits on memory and time. Then its
-/// self-test must reproduce the outputs that were recorded at export.
+/// A model file that is new on this machine is first loaded in a child process with limits on memory and
+/// time. Then its self-test must reproduce the outputs that were recorded at export.
 ///
-/// Several threads may share a model: it takes one image at a time and releases the GIL meanwhile. It cannot be used
-/// after `os.fork`: the child process gets an error and must end with `os._exit`, as processes of `multiprocessing` do.
+/// Several threads may share a model: it takes one image at a time and releases the GIL meanwhile. It cannot
+/// be used after `os.fork`: the child process gets an error and must end with `os._exit`, as processes of
+/// `multiprocessing` do.
 ///
 /// Parameters
 /// ----------
 /// name_or_path : str or os.PathLike
-///     A model file (.onnx), a staged graph (.toml), or the name of a bundled model: `wnet_c.onnx`, `unet.onnx`. The ending
-///     of a name may be omitted.
+///     A model file (.onnx), a staged graph (.toml), or the name of a bundled model: `wnet_c.onnx`,
+///     `unet.onnx`. The ending of a name may be omitted.
 /// provider : str
 ///     The execution provider: `auto`, `cpu`, `openvino`, `cuda` or `tensorrt`.
 /// threads : int, optional
 ///     Number of threads; by default one per core.
 /// aspect : str
-///     What is done with images whose aspect ratio differs from that of `Model.size` by more than 5 %: `crop` (the largest
-///     centered part of the model's aspect ratio is used; `Result.view` says which), `stretch`, or `letterbox` (padded).
+///     What is done with images whose aspect ratio differs from that of `Model.size` by more than 5 %: `crop`
+///     (the largest centered part of the model's aspect ratio is used; `Result.view` says which), `stretch`,
+///     or `letterbox` (padded).
 /// filters : str or sequence of str, optional
-///     Filters for depth, written as in `nunetd --filter`: `"spatial"`, `["decimation=2", "temporal=alpha:0.4"]`. Each may
-///     be given once. The temporal filter needs `keep_state=True` in `infer`.
+///     Filters for depth, written as in `nunetd --filter`: `"spatial"`,
+///     `["decimation=2", "temporal=alpha:0.4"]`. Each may be given once. The temporal filter needs
+///     `keep_state=True` in `infer`.
 /// scale : str or float, optional
-///     The factor by which the network's meters are multiplied: `auto` (the default: the camera's `scale`, otherwise the ratio
-///     of its focal length to the training camera's), `off` (1), a number, or `floor` (measured on the floor). With `floor`
-///     and `keep_state=True`, the factor changes smoothly from image to image; by default each image is independent.
+///     The factor by which the network's meters are multiplied: `auto` (the default: the camera's `scale`,
+///     otherwise the ratio of its focal length to the training camera's), `off` (1), a number, or `floor`
+///     (measured on the floor). With `floor` and `keep_state=True`, the factor changes smoothly from image to
+///     image; by default each image is independent.
 /// mount : sequence of float, optional
-///     The pose of the camera on the robot, `(x, y, z, roll, pitch, yaw)`, meters and radians, for `scale="floor"`. z is the
-///     height above the floor. Positive pitch looks down.
+///     The pose of the camera on the robot, `(x, y, z, roll, pitch, yaw)`, meters and radians, for
+///     `scale="floor"`. z is the height above the floor. Positive pitch looks down.
 ///
 /// Raises
 /// ------
@@ -142,27 +146,27 @@ impl PyModel {
     /// Parameters
     /// ----------
     /// rgb : numpy.ndarray, str, os.PathLike or PIL.Image.Image
-    ///     An array is uint8 (H, W, 3), rows from the top, with any strides. A path names a JPEG or PNG file, which is
-    ///     rotated as its EXIF orientation says. A PIL image of 8 bits per channel is converted to RGB and not rotated.
-    ///     Images of any size are resized to `Model.size`, after cropping or padding (`aspect`). An array is read without
-    ///     the GIL: do not write to it meanwhile.
+    ///     An array is uint8 (H, W, 3), rows from the top, with any strides. A path names a JPEG or PNG file,
+    ///     which is rotated as its EXIF orientation says. A PIL image of 8 bits per channel is converted to
+    ///     RGB and not rotated. Images of any size are resized to `Model.size`, after cropping or padding
+    ///     (`aspect`). An array is read without the GIL: do not write to it meanwhile.
     /// camera : Camera, optional
-    ///     The camera of the image. Meters are scaled by its focal length, and points lie on its rays. By default the
-    ///     training camera is assumed (`scale_source` is `assumed_camera`).
+    ///     The camera of the image. Meters are scaled by its focal length, and points lie on its rays. By
+    ///     default the training camera is assumed (`scale_source` is `assumed_camera`).
     /// color : str
     ///     The channel order of an array: `rgb`, or `bgr` for images of OpenCV.
     /// keep_state : bool
-    ///     Whether the image is the next frame of the same video. Recurrent networks and the temporal filter then keep their
-    ///     state; others ignore it. By default each image is independent.
+    ///     Whether the image is the next frame of the same video. Recurrent networks and the temporal filter
+    ///     then keep their state; others ignore it. By default each image is independent.
     /// attitude : tuple of float, optional
-    ///     Roll and pitch of the camera, radians, as an inertial sensor measures them, for `scale="floor"`. They replace those of
-    ///     `mount` for this image only.
+    ///     Roll and pitch of the camera, radians, as an inertial sensor measures them, for `scale="floor"`.
+    ///     They replace those of `mount` for this image only.
     ///
     /// Returns
     /// -------
     /// Result
-    ///     `depth`: float32 (H, W) at `Model.size`, meters along the optical axis, NaN where there is no depth. `labels`,
-    ///     `cloud()` and more.
+    ///     `depth`: float32 (H, W) at `Model.size`, meters along the optical axis, NaN where there is no
+    ///     depth. `labels`, `cloud()` and more.
     ///
     /// Raises
     /// ------
@@ -182,7 +186,8 @@ impl PyModel {
     /// Warns
     /// -----
     /// UserWarning
-    ///     Once for a model: no camera was given, or the image was cropped or stretched to the model's aspect ratio.
+    ///     Once for a model: no camera was given, or the image was cropped or stretched to the model's aspect
+    ///     ratio.
     ///
     /// Examples
     /// --------
@@ -229,8 +234,8 @@ impl PyModel {
     /// color : str
     ///     The channel order of arrays: `rgb` or `bgr`.
     /// keep_state : bool
-    ///     Whether the images are the frames of one video, which starts with the first of them. By default each image is
-    ///     independent.
+    ///     Whether the images are the frames of one video, which starts with the first of them. By default
+    ///     each image is independent.
     ///
     /// Returns
     /// -------
@@ -310,8 +315,8 @@ impl PyModel {
         self.about.path.clone()
     }
 
-    /// The metadata of the file as `nunetd inspect --json` prints it: components, tensors, accuracy, training camera,
-    /// license, SHA-256.
+    /// The metadata of the file as `nunetd inspect --json` prints it: components, tensors, accuracy, training
+    /// camera, license, SHA-256.
     #[getter]
     fn metadata(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         Ok(py.import("json")?.getattr("loads")?.call1((&self.about.json,))?.unbind())

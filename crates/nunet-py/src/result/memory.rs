@@ -34,8 +34,8 @@ impl From<Pooled<u8>> for PooledValues {
     }
 }
 
-// SAFETY: `address` and `bytes` describe the vector in `_values`, which is neither read, written nor resized before it is
-// dropped with this object.
+// SAFETY: `address` and `bytes` describe the vector in `_values`, which is neither read, written nor resized
+// before it is dropped with this object.
 unsafe impl Memory for ResultMemory {
     const WRITEABLE: bool = true;
 

@@ -38,7 +38,8 @@ struct Origin {
 /// Attributes
 /// ----------
 /// depth : numpy.ndarray
-///     float32 (H, W), rows from the top: distance along the optical axis, in `units`. NaN where there is no depth.
+///     float32 (H, W), rows from the top: distance along the optical axis, in `units`. NaN where there is no
+///     depth.
 /// labels : numpy.ndarray or None
 ///     uint8 (H, W): indices into `class_names`; `None` if the network does not segment.
 /// confidence : numpy.ndarray or None
@@ -50,9 +51,10 @@ struct Origin {
 /// units : str
 ///     `metre`, or `relative` for depth without a scale.
 /// scale_source : str
-///     `metric`: meters of the network. `focal_scaled`: meters scaled by the camera's focal length. `assumed_camera`:
-///     meters that hold if the training camera took the image; pass a camera to scale them. `calibrated`: meters times a
-///     measured factor. `floor`: meters scaled by the floor. `relative`: no scale.
+///     `metric`: meters of the network. `focal_scaled`: meters scaled by the camera's focal length.
+///     `assumed_camera`: meters that hold if the training camera took the image; pass a camera to scale them.
+///     `calibrated`: meters times a measured factor. `floor`: meters scaled by the floor. `relative`: no
+///     scale.
 /// scale_factor : float or None
 ///     Factor by which the network's meters were multiplied; `None` if `units` is `relative`.
 /// timings : dict of str to float
@@ -64,7 +66,8 @@ struct Origin {
 /// camera : Camera or None
 ///     The camera at the size of `depth`; `None` if it is unknown.
 /// view : tuple of int
-///     The part of the image that `depth` covers: first column, first row, width, height, pixels of the image.
+///     The part of the image that `depth` covers: first column, first row, width, height, pixels of the
+///     image.
 /// capture_nanos : int or None
 ///     For recordings: the image's time stamp, nanoseconds since 1970.
 /// topic, frame_id : str or None
@@ -139,11 +142,11 @@ impl Result {
     /// Parameters
     /// ----------
     /// camera : Camera, optional
-    ///     The camera whose rays the points lie on. By default the one that was passed to `Model.infer`, else the training
-    ///     camera. It does not scale the depth: `Model.infer` does that.
+    ///     The camera whose rays the points lie on. By default the one that was passed to `Model.infer`, else
+    ///     the training camera. It does not scale the depth: `Model.infer` does that.
     /// max_range : float, optional
-    ///     Points farther from the camera than this have no coordinates (NaN), as with `nunetd --max-range`. The distance is
-    ///     along the ray, in the unit of the depth. By default there is no limit.
+    ///     Points farther from the camera than this have no coordinates (NaN), as with `nunetd --max-range`.
+    ///     The distance is along the ray, in the unit of the depth. By default there is no limit.
     ///
     /// Returns
     /// -------
@@ -171,8 +174,8 @@ impl Result {
     /// Parameters
     /// ----------
     /// mount : sequence of float
-    ///     The camera in the robot's leveled base frame, whose origin is on the floor: x, y, z in meters (z is the height
-    ///     above the floor), then roll, pitch, yaw in radians. Positive pitch looks down.
+    ///     The camera in the robot's leveled base frame, whose origin is on the floor: x, y, z in meters (z
+    ///     is the height above the floor), then roll, pitch, yaw in radians. Positive pitch looks down.
     /// camera : Camera, optional
     ///     The camera, as for `cloud`.
     /// clearance : float, optional
@@ -192,7 +195,8 @@ impl Result {
     /// Raises
     /// ------
     /// ValueError
-    ///     `units` is not `metre`, the camera is not above the floor or looks straight up, or an argument is out of range.
+    ///     `units` is not `metre`, the camera is not above the floor or looks straight up, or an argument is
+    ///     out of range.
     /// CameraError
     ///     The camera's aspect ratio is not that of the image.
     #[pyo3(signature = (mount, *, camera = None, clearance = 0.05, robot_height = 1.8, sectors = 72, max_range = 5.0))]
@@ -219,9 +223,10 @@ impl Result {
 
     /// Write the results as files, like `nunetd infer`.
     ///
-    /// `depth.npy`: float32, NaN where there is no depth. `depth_mm.png`: 16-bit millimeters, 0 where there is no depth; only
-    /// if `units` is `metre`. `depth.png`: colors with a scale. `labels.png`: class indices; only if there are labels.
-    /// `confidence.png`: 255 = certain; only if there is a confidence. `cloud.ply`: the points that have depth.
+    /// `depth.npy`: float32, NaN where there is no depth. `depth_mm.png`: 16-bit millimeters, 0 where there
+    /// is no depth; only if `units` is `metre`. `depth.png`: colors with a scale. `labels.png`: class
+    /// indices; only if there are labels. `confidence.png`: 255 = certain; only if there is a confidence.
+    /// `cloud.ply`: the points that have depth.
     ///
     /// Parameters
     /// ----------

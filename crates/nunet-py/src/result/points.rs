@@ -25,8 +25,8 @@ impl Result {
         ImageSize::new(self.points_camera.intrinsics.width, self.points_camera.intrinsics.height)
     }
 
-    /// The camera of the points, at the size of `depth`. A given camera may have the size of the image or any other of its
-    /// aspect ratio.
+    /// The camera of the points, at the size of `depth`. A given camera may have the size of the image or any
+    /// other of its aspect ratio.
     pub(super) fn camera_for_points(&self, camera: Option<PyCamera>) -> PyResult<camera::Camera> {
         let Some(PyCamera(camera, _)) = camera else { return Ok(self.points_camera) };
         let (image, own) = (self.image_size, self.size());

@@ -15,8 +15,8 @@ use crate::fork_guard::ForkGuard;
 
 /// Publish the attitude of the robot's base for a camera, for `nunetd --attitude shm`.
 ///
-/// A context manager that stops publishing at the end of its block. Several threads may share it. A forked process must make
-/// its own.
+/// A context manager that stops publishing at the end of its block. Several threads may share it. A forked
+/// process must make its own.
 ///
 /// Parameters
 /// ----------

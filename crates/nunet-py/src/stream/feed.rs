@@ -9,8 +9,8 @@ use pyo3::prelude::*;
 
 use crate::error::hinted;
 
-/// The feed while no thread uses it. A thread takes it out instead of locking it, because Python code (a signal handler)
-/// may run meanwhile.
+/// The feed while no thread uses it. A thread takes it out instead of locking it, because Python code (a
+/// signal handler) may run meanwhile.
 #[derive(Debug)]
 pub(super) struct SharedFeed {
     state: Mutex<FeedState>,
@@ -20,7 +20,8 @@ pub(super) struct SharedFeed {
 #[derive(Debug)]
 struct FeedState {
     feed: Option<Feed>,
-    /// For callers that ask while a thread uses the feed. Dropped on closing, because it keeps the topics open.
+    /// For callers that ask while a thread uses the feed. Dropped on closing, because it keeps the topics
+    /// open.
     publishers: Option<Publishers>,
     closed: bool,
 }

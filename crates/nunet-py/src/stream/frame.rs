@@ -16,13 +16,13 @@ use crate::obstacles::PyObstacles;
 
 /// One frame of a camera: the subscribed topics, all with the same sequence number and capture time.
 ///
-/// Arrays are read-only numpy views of shared memory: nothing is copied. They stay valid after the loop has moved on, the
-/// subscriber was closed or the daemon has ended. A subscriber can hold few messages at a time (two by default), so copy
-/// what must live long: `frame.depth.copy()`.
+/// Arrays are read-only numpy views of shared memory: nothing is copied. They stay valid after the loop has
+/// moved on, the subscriber was closed or the daemon has ended. A subscriber can hold few messages at a time
+/// (two by default), so copy what must live long: `frame.depth.copy()`.
 ///
-/// torch takes the arrays without a copy (`torch.from_dlpack`, `torch.from_numpy`), but ignores that they are read-only:
-/// writing to such a tensor crashes the process, so `clone()` it first. JAX takes the depth from the frame itself without
-/// a copy: `jax.numpy.from_dlpack(frame)`.
+/// torch takes the arrays without a copy (`torch.from_dlpack`, `torch.from_numpy`), but ignores that they are
+/// read-only: writing to such a tensor crashes the process, so `clone()` it first. JAX takes the depth from
+/// the frame itself without a copy: `jax.numpy.from_dlpack(frame)`.
 ///
 /// Frames and their arrays can be passed to other threads. A forked process must not use them.
 #[pyclass(frozen, name = "Frame", module = "nunet_py")]
@@ -84,8 +84,8 @@ impl PyFrame {
 
 #[pymethods]
 impl PyFrame {
-    /// float32 (H, W): depth in `header.units`, rows from the top; NaN where there is no depth. A read-only view of shared
-    /// memory.
+    /// float32 (H, W): depth in `header.units`, rows from the top; NaN where there is no depth. A read-only
+    /// view of shared memory.
     #[getter]
     fn depth<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         plane::<f32>(self.encoded(py, Topic::Depth, Encoding::DepthF32)?, size_of::<f32>(), 0)
@@ -102,8 +102,8 @@ impl PyFrame {
         self.depth(py)?.call_method("__array__", arguments, named)
     }
 
-    /// `depth` without a copy, for consumers of any DLPack version. numpy's own arrays refuse consumers of versions before
-    /// 1.0, such as JAX, because those cannot learn that the memory is read-only.
+    /// `depth` without a copy, for consumers of any DLPack version. numpy's own arrays refuse consumers of
+    /// versions before 1.0, such as JAX, because those cannot learn that the memory is read-only.
     #[pyo3(signature = (**named))]
     fn __dlpack__<'py>(
         &self,
@@ -127,15 +127,16 @@ impl PyFrame {
         plane::<u8>(self.encoded(py, Topic::Labels, Encoding::LabelsU8)?, 1, 0)
     }
 
-    /// uint8 (H, W): the confidence of each pixel's depth, 255 = certain, 0 where there is no depth. A read-only view of
-    /// shared memory.
+    /// uint8 (H, W): the confidence of each pixel's depth, 255 = certain, 0 where there is no depth. A
+    /// read-only view of shared memory.
     #[getter]
     fn confidence<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         plane::<u8>(self.encoded(py, Topic::Confidence, Encoding::ConfidenceU8)?, 1, 0)
     }
 
-    /// The organized point cloud. Its `points`, `labels` and `colors` are read-only views of shared memory with strides of
-    /// 16 bytes. `colors` has a negative stride (the memory holds BGR), so torch needs a copy.
+    /// The organized point cloud. Its `points`, `labels` and `colors` are read-only views of shared memory
+    /// with strides of 16 bytes. `colors` has a negative stride (the memory holds BGR), so torch needs a
+    /// copy.
     #[getter]
     fn cloud(&self, py: Python<'_>) -> PyResult<Cloud> {
         const BYTES: usize = size_of::<CloudPoint>();
@@ -163,8 +164,8 @@ impl PyFrame {
         PyObstacles::of_record(py, record)
     }
 
-    /// uint8 (H, W, 3): the camera's image as RGB. A read-only view of shared memory for the encodings `rgb8`, `bgr8` (with
-    /// a negative stride) and `mono8` (with a stride of 0).
+    /// uint8 (H, W, 3): the camera's image as RGB. A read-only view of shared memory for the encodings
+    /// `rgb8`, `bgr8` (with a negative stride) and `mono8` (with a stride of 0).
     ///
     /// Raises `NunetError` for `yuyv` and `nv12`, which must be converted: see `image`.
     #[getter]
@@ -185,9 +186,9 @@ impl PyFrame {
         array(sample, element::<u8>(py), shape)
     }
 
-    /// uint8: the camera's image as it was sent, a read-only view of shared memory. (H, W, 3) for `rgb8` and `bgr8`, (H, W)
-    /// for `mono8`, (H, W, 2) for `yuyv`, (H + H / 2, W) for `nv12`. For the last two, W is rounded up to an even number and
-    /// H / 2 is rounded up.
+    /// uint8: the camera's image as it was sent, a read-only view of shared memory. (H, W, 3) for `rgb8` and
+    /// `bgr8`, (H, W) for `mono8`, (H, W, 2) for `yuyv`, (H + H / 2, W) for `nv12`. For the last two, W is
+    /// rounded up to an even number and H / 2 is rounded up.
     #[getter]
     fn image<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let sample = self.sample(py, Topic::Rgb)?;
@@ -262,8 +263,8 @@ impl PyFrame {
         Ok(self.lead()?.sequence)
     }
 
-    /// Seconds since the image was captured, by the monotonic clock if the camera uses it, else by the wall clock. If the
-    /// capture time is unknown, seconds since the frame was sent.
+    /// Seconds since the image was captured, by the monotonic clock if the camera uses it, else by the wall
+    /// clock. If the capture time is unknown, seconds since the frame was sent.
     #[getter]
     fn age(&self) -> PyResult<f64> {
         let header = self.lead()?;

@@ -28,8 +28,8 @@ pub(crate) struct FrameHeader {
     publish_nanos: i64,
     /// `monotonic` (that of `time.monotonic_ns()`), `unix` or `media` (the position in a recording).
     capture_clock: &'static str,
-    /// `depth_f32`, `labels_u8`, `confidence_u8`, `points`, `obstacle_record`, `stats_record`, or of an image: `rgb8`,
-    /// `bgr8`, `mono8`, `yuyv`, `nv12`.
+    /// `depth_f32`, `labels_u8`, `confidence_u8`, `points`, `obstacle_record`, `stats_record`, or of an
+    /// image: `rgb8`, `bgr8`, `mono8`, `yuyv`, `nv12`.
     encoding: &'static str,
     /// Number of columns, pixels or points.
     width: u32,
@@ -41,7 +41,8 @@ pub(crate) struct FrameHeader {
     units: &'static str,
     /// Size of the payload, bytes.
     payload_bytes: u64,
-    /// `metric`, `focal_scaled`, `assumed_camera`, `relative`, `calibrated` or `floor`; meaningless if `units` is `none`.
+    /// `metric`, `focal_scaled`, `assumed_camera`, `relative`, `calibrated` or `floor`; meaningless if
+    /// `units` is `none`.
     scale_source: &'static str,
     /// `full` or `reused_labels` (from an earlier frame).
     quality: &'static str,

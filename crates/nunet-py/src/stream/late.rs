@@ -8,8 +8,8 @@ use pyo3::prelude::*;
 
 use crate::error::NunetError;
 
-/// A publisher, and a thread that serves late subscribers at a fixed period until the publisher is taken out or dropped.
-/// The thread uses nothing of Python, so neither can block the other.
+/// A publisher, and a thread that serves late subscribers at a fixed period until the publisher is taken out
+/// or dropped. The thread uses nothing of Python, so neither can block the other.
 #[derive(Debug)]
 pub(super) struct Served<T>(Arc<Mutex<Option<T>>>);
 

@@ -15,20 +15,21 @@ use crate::memory::{Memory, references};
 /// The name of the class in messages.
 const NAME: &str = "loan";
 
-/// References to a block's array that are expected at its end: ours, and that of the variable in `with ... as image`.
+/// References to a block's array that are expected at its end: ours, and that of the variable in
+/// `with ... as image`.
 const EXPECTED_REFERENCES: isize = 2;
 
-/// An image that is written directly into shared memory: a context manager that gives a writeable numpy array and sends it
-/// at the end of the block. Nothing is copied.
+/// An image that is written directly into shared memory: a context manager that gives a writeable numpy array
+/// and sends it at the end of the block. Nothing is copied.
 ///
 /// After the block the array is read-only: its memory belongs to the subscribers and will be reused.
 ///
-/// If anything besides one variable still refers to the array at the end of the block (a view such as `image[..., 0]`, a
-/// memoryview, a tensor, a list, a second variable), the image is copied once and the copy is sent. `Publisher.copied`
-/// counts such copies. Drop such references inside the block to avoid the copy.
+/// If anything besides one variable still refers to the array at the end of the block (a view such as
+/// `image[..., 0]`, a memoryview, a tensor, a list, a second variable), the image is copied once and the copy
+/// is sent. `Publisher.copied` counts such copies. Drop such references inside the block to avoid the copy.
 ///
-/// Do not replace the variable by a tensor or a memoryview of the same memory: this is not detected, and writing to it
-/// after the block changes what subscribers see.
+/// Do not replace the variable by a tensor or a memoryview of the same memory: this is not detected, and
+/// writing to it after the block changes what subscribers see.
 ///
 /// If the block ends with an exception, nothing is sent.
 #[pyclass(frozen, name = "Loan", module = "nunet_py")]
@@ -64,9 +65,9 @@ struct KeptLoan {
     _anchor: Anchor,
 }
 
-// SAFETY: the loan borrows the chunk that `address` and `len` describe, so no other image is written to it. When the loan
-// is sent, arrays are read-only and no view is left (`PyLoan::settle`). The anchor is a chunk of the same mapping and keeps
-// it mapped.
+// SAFETY: the loan borrows the chunk that `address` and `len` describe, so no other image is written to it.
+// When the loan is sent, arrays are read-only and no view is left (`PyLoan::settle`). The anchor is a chunk
+// of the same mapping and keeps it mapped.
 unsafe impl Memory for LoanChunk {
     const WRITEABLE: bool = true;
 
@@ -103,8 +104,9 @@ impl PyLoan {
 
     /// Makes the arrays read-only and finds out whether the chunk can be sent as it is.
     ///
-    /// A reference to the array does not tell whether it is a variable, which cannot write any more, or a buffer that kept
-    /// the right to write. One reference is taken for the variable of the block; more mean that the image is copied.
+    /// A reference to the array does not tell whether it is a variable, which cannot write any more, or a
+    /// buffer that kept the right to write. One reference is taken for the variable of the block; more mean
+    /// that the image is copied.
     fn settle(py: Python<'_>, open: &OpenArrays) -> PyResult<Settled> {
         for array in [&open.image, &open.root] {
             array.call_method1(py, "setflags", (false,))?; // write=False
@@ -133,7 +135,8 @@ impl PyLoan {
 
 #[pymethods]
 impl PyLoan {
-    /// Borrow memory and return its array: uint8 of the publisher's shape, with the pixels of an earlier image.
+    /// Borrow memory and return its array: uint8 of the publisher's shape, with the pixels of an earlier
+    /// image.
     fn __enter__(slf: &Bound<'_, Self>) -> PyResult<Py<PyAny>> {
         let py = slf.py();
         let this = slf.get();
@@ -165,7 +168,8 @@ impl PyLoan {
         if exception.is_none() { self.send(settled) } else { Ok(()) }
     }
 
-    /// Capture time, nanoseconds of the publisher's clock; `None` for the end of the block. Can be set inside the block.
+    /// Capture time, nanoseconds of the publisher's clock; `None` for the end of the block. Can be set inside
+    /// the block.
     #[getter]
     fn capture_nanos(&self) -> Option<i64> {
         self.capture.lock().unwrap_or_else(PoisonError::into_inner).nanos

@@ -19,8 +19,8 @@ use crate::fork_guard::ForkGuard;
 /// The name of the class in messages.
 const NAME: &str = "publisher";
 
-/// Chunks that may be on loan at a time: the anchor, the image of an open block, the copy that is sent instead of it, and
-/// one that an array of an earlier block holds.
+/// Chunks that may be on loan at a time: the anchor, the image of an open block, the copy that is sent
+/// instead of it, and one that an array of an earlier block holds.
 const MAX_LOANS: usize = 4;
 
 /// A chunk that keeps the publisher's memory mapped, but not the camera's name taken.

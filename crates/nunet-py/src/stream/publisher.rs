@@ -35,10 +35,11 @@ pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 /// encoding : str, optional
 ///     The encoding of the images: `rgb8`, `bgr8` (OpenCV), `mono8`, `yuyv` or `nv12`.
 /// intrinsics : Camera, optional
-///     The camera's intrinsics and distortion. They are sent with every image, and the daemon scales meters by them.
+///     The camera's intrinsics and distortion. They are sent with every image, and the daemon scales meters
+///     by them.
 /// clock : str, optional
-///     The clock of capture times: `monotonic` (`time.monotonic_ns()`), `unix` (`time.time_ns()`) or `media` (the position
-///     in a recording).
+///     The clock of capture times: `monotonic` (`time.monotonic_ns()`), `unix` (`time.time_ns()`) or `media`
+///     (the position in a recording).
 /// frame_id : str, optional
 ///     The name of the camera's coordinate frame.
 /// readers : int, optional
@@ -104,8 +105,8 @@ pub(super) fn clock_of(name: &str) -> PyResult<Clock> {
     })
 }
 
-/// The publisher of a camera's images. Subscribers that are slow, hold frames or crash do not affect it. A late subscriber
-/// receives the last image.
+/// The publisher of a camera's images. Subscribers that are slow, hold frames or crash do not affect it. A
+/// late subscriber receives the last image.
 ///
 /// Several threads may share a publisher. A forked process must make its own, under another name.
 #[pyclass(frozen, name = "Publisher", module = "nunet_py")]
@@ -123,7 +124,8 @@ impl PyPublisher {
     /// image : numpy.ndarray
     ///     uint8, C-contiguous, of this publisher's `shape`, rows from the top.
     /// capture_nanos : int, optional
-    ///     Capture time, nanoseconds of the publisher's clock. By default the current time, or 0 for the clock `media`.
+    ///     Capture time, nanoseconds of the publisher's clock. By default the current time, or 0 for the
+    ///     clock `media`.
     /// sequence : int, optional
     ///     The image's number, which should increase. By default the next one.
     ///
@@ -158,16 +160,16 @@ impl PyPublisher {
     /// Parameters
     /// ----------
     /// capture_nanos : int, optional
-    ///     Capture time, nanoseconds of the publisher's clock. By default the end of the block, or 0 for the clock
-    ///     `media`.
+    ///     Capture time, nanoseconds of the publisher's clock. By default the end of the block, or 0 for the
+    ///     clock `media`.
     /// sequence : int, optional
     ///     The image's number, which should increase. By default the next one.
     ///
     /// Returns
     /// -------
     /// Loan
-    ///     A context manager. It gives a writeable uint8 array of this publisher's `shape`, with the pixels of an earlier
-    ///     image, and sends it at the end of the block. Then the array is read-only.
+    ///     A context manager. It gives a writeable uint8 array of this publisher's `shape`, with the pixels
+    ///     of an earlier image, and sends it at the end of the block. Then the array is read-only.
     ///
     /// Raises
     /// ------
@@ -189,8 +191,8 @@ impl PyPublisher {
         Ok(PyLoan::new(Arc::clone(&self.port), capture))
     }
 
-    /// Send the last image to late subscribers now. Sending an image does the same, and so does a thread a few times per
-    /// second.
+    /// Send the last image to late subscribers now. Sending an image does the same, and so does a thread a
+    /// few times per second.
     fn refresh(&self) -> PyResult<()> {
         self.port.refresh()
     }
@@ -219,8 +221,9 @@ impl PyPublisher {
         self.port.source.layout.encoding.name()
     }
 
-    /// The shape of an image's array: (H, W, 3) for `rgb8` and `bgr8`, (H, W) for `mono8`, (H, W, 2) for `yuyv`,
-    /// (H + H / 2, W) for `nv12`. For the last two, W is rounded up to an even number and H / 2 is rounded up.
+    /// The shape of an image's array: (H, W, 3) for `rgb8` and `bgr8`, (H, W) for `mono8`, (H, W, 2) for
+    /// `yuyv`, (H + H / 2, W) for `nv12`. For the last two, W is rounded up to an even number and H / 2 is
+    /// rounded up.
     #[getter]
     fn shape<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         PyTuple::new(py, &self.port.source.layout.lengths)
@@ -232,7 +235,8 @@ impl PyPublisher {
         self.port.has_readers()
     }
 
-    /// Number of loans that were copied, because something besides one variable referred to their array at the end.
+    /// Number of loans that were copied, because something besides one variable referred to their array at
+    /// the end.
     #[getter]
     fn copied(&self) -> u64 {
         self.port.copied()

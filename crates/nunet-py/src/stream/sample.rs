@@ -15,8 +15,8 @@ use crate::memory::{ArrayLayout, Memory, array};
 /// Bytes of a float, the largest array element here.
 const ELEMENT: usize = size_of::<f32>();
 
-/// One message of a topic. Its memory stays unchanged until this object and all of its arrays are dropped, even after the
-/// subscriber, the daemon and the frame are gone.
+/// One message of a topic. Its memory stays unchanged until this object and all of its arrays are dropped,
+/// even after the subscriber, the daemon and the frame are gone.
 #[pyclass(frozen, name = "_Sample", module = "nunet_py")]
 #[derive(Debug)]
 pub(super) struct TopicMessage {
@@ -29,8 +29,8 @@ pub(super) struct TopicMessage {
     _frame: ForkGuard<Mutex<nunet_ipc::Message>>,
 }
 
-// SAFETY: `_frame` borrows the chunk that `address` and `len` describe, and keeps it mapped and unchanged until it is
-// dropped with this object. A fork never drops it, and inherits the mapping.
+// SAFETY: `_frame` borrows the chunk that `address` and `len` describe, and keeps it mapped and unchanged
+// until it is dropped with this object. A fork never drops it, and inherits the mapping.
 unsafe impl Memory for TopicMessage {
     const WRITEABLE: bool = false;
 
@@ -62,7 +62,8 @@ impl TopicMessage {
     /// The payload, in shared memory.
     pub(super) fn payload(&self) -> &[u8] {
         let (address, len) = self.bytes();
-        // SAFETY: `bytes` of `Memory` are mapped and unchanged for as long as `self` lives; numbers of any value are bytes.
+        // SAFETY: `bytes` of `Memory` are mapped and unchanged for as long as `self` lives; numbers of any
+        // value are bytes.
         unsafe { std::slice::from_raw_parts(address, len) }
     }
 

@@ -35,12 +35,12 @@ pub(crate) struct PyStats {
     /// Mean number of heap allocations per frame; NaN if they are not counted.
     #[pyo3(get)]
     allocations_per_frame: f64,
-    /// Growth of the scale of depth per frame, mean of the last frames: 0.01 is one percent. `None` while the image
-    /// changes.
+    /// Growth of the scale of depth per frame, mean of the last frames: 0.01 is one percent. `None` while the
+    /// image changes.
     #[pyo3(get)]
     depth_drift: Option<f64>,
-    /// Change of points per frame beside the scale, mean of the last frames: 0.01 is one percent. `None` while the image
-    /// changes.
+    /// Change of points per frame beside the scale, mean of the last frames: 0.01 is one percent. `None`
+    /// while the image changes.
     #[pyo3(get)]
     depth_flicker: Option<f64>,
     /// Whether drift or flicker is above the daemon's `--stability-limit`.
@@ -105,7 +105,8 @@ impl PyStats {
 
 #[pymethods]
 impl PyStats {
-    /// Milliseconds from the image's arrival at the daemon to publication: `p50`, `p90`, `p99`, `max`, `mean`.
+    /// Milliseconds from the image's arrival at the daemon to publication: `p50`, `p90`, `p99`, `max`,
+    /// `mean`.
     #[getter]
     fn total_ms<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         in_ms(py, &self.total)

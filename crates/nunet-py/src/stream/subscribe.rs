@@ -34,9 +34,10 @@ pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 /// camera : str
 ///     The camera's name, as in `nunetd --camera`.
 /// topics : sequence of str, optional
-///     The content of each frame: any of `rgb`, `depth` (the default), `labels`, `confidence`, `cloud`, `obstacles` and
-///     `stats`. Cloud, labels and obstacles are computed only while there is a subscriber. `rgb` comes from the camera's
-///     own publisher (`nunetd feed`, `nunet_py.publisher`); each image is joined with the depth that was computed from it.
+///     The content of each frame: any of `rgb`, `depth` (the default), `labels`, `confidence`, `cloud`,
+///     `obstacles` and `stats`. Cloud, labels and obstacles are computed only while there is a subscriber.
+///     `rgb` comes from the camera's own publisher (`nunetd feed`, `nunet_py.publisher`); each image is
+///     joined with the depth that was computed from it.
 /// timeout : float, optional
 ///     Seconds to wait for the daemon, and later for each frame. `None` and `math.inf` wait without limit.
 ///
@@ -84,16 +85,17 @@ fn subscribe(
 
 /// The newest frames of a camera: an iterator, an asynchronous iterator and a context manager.
 ///
-/// Each frame holds all subscribed topics of one image. Frames that are older than the newest complete one when the next
-/// is requested are skipped, so a slow loop sees the newest frames and delays no other process. Waiting takes no CPU time, releases
-/// the GIL, and is ended by Ctrl-C. `async for` lets other tasks run meanwhile; a canceled task loses at most one frame.
+/// Each frame holds all subscribed topics of one image. Frames that are older than the newest complete one
+/// when the next is requested are skipped, so a slow loop sees the newest frames and delays no other process.
+/// Waiting takes no CPU time, releases the GIL, and is ended by Ctrl-C. `async for` lets other tasks run
+/// meanwhile; a canceled task loses at most one frame.
 ///
-/// If the daemon ends or is killed, the next frame raises `TimeoutError` with the reason. Once it runs again, the same
-/// subscriber continues. The loop ends when the subscriber is closed.
+/// If the daemon ends or is killed, the next frame raises `TimeoutError` with the reason. Once it runs again,
+/// the same subscriber continues. The loop ends when the subscriber is closed.
 ///
-/// Several threads may share a subscriber: each frame goes to one of them, and the limit on held messages applies to all
-/// together. One subscriber per thread is better. A forked process must make its own. Do not use the package `iceoryx2`
-/// in the same process: each would consider the other dead and remove its files.
+/// Several threads may share a subscriber: each frame goes to one of them, and the limit on held messages
+/// applies to all together. One subscriber per thread is better. A forked process must make its own. Do not
+/// use the package `iceoryx2` in the same process: each would consider the other dead and remove its files.
 #[pyclass(frozen, module = "nunet_py")]
 #[derive(Debug)]
 pub(crate) struct Subscriber {
@@ -227,16 +229,16 @@ impl Subscriber {
         self.poll(py, wait::timeout(Some(seconds))?.unwrap_or(MAX_WAIT))
     }
 
-    /// Close the subscriber. Frames and arrays that are still in use stay valid. A thread that waits for a frame stops
-    /// waiting. Closing twice is not an error.
+    /// Close the subscriber. Frames and arrays that are still in use stay valid. A thread that waits for a
+    /// frame stops waiting. Closing twice is not an error.
     fn close(&self, py: Python<'_>) -> PyResult<()> {
         let feed = self.feed.get(NAME)?;
         py.detach(|| feed.close());
         Ok(())
     }
 
-    /// Whether a living process publishes each of the topics. Does not wait for other threads that use this subscriber.
-    /// Reads the file system, so do not call it for every frame.
+    /// Whether a living process publishes each of the topics. Does not wait for other threads that use this
+    /// subscriber. Reads the file system, so do not call it for every frame.
     ///
     /// Raises
     /// ------

@@ -7,8 +7,8 @@ use pyo3::prelude::*;
 
 use crate::error::hinted;
 
-/// Longest wait between two checks for signals of Python. The first frame of a late subscriber comes without an event, so
-/// this is also its greatest delay.
+/// Longest wait between two checks for signals of Python. The first frame of a late subscriber comes without
+/// an event, so this is also its greatest delay.
 pub(super) const MAX_WAIT: Duration = Duration::from_millis(50);
 
 /// A timeout in seconds; `None` and infinity wait without limit.

@@ -4,7 +4,8 @@ use std::net::{Ipv4Addr, SocketAddrV4};
 
 use super::rtps::{SENTINEL, number, parameters, word};
 
-/// A parameter list in little endian, as all ROS 2 nodes send it. The library takes the options that follow for a length.
+/// A parameter list in little endian, as all ROS 2 nodes send it. The library takes the options that follow
+/// for a length.
 const ENCAPSULATION: [u8; 2] = [0, 3];
 const ENCAPSULATION_BYTES: usize = 4;
 
@@ -17,8 +18,8 @@ const BUILT_IN_ENDPOINTS: u16 = 0x0058;
 const REPRESENTATION: u16 = 0x0073;
 const TYPE_INFORMATION: u16 = 0x0075;
 const DOMAIN_TAG: u16 = 0x4014;
-/// The readers and writers that announce participants, writers and readers (DDSI-RTPS 2.5, table 9.4). The transport
-/// carries no others.
+/// The readers and writers that announce participants, writers and readers (DDSI-RTPS 2.5, table 9.4). The
+/// transport carries no others.
 const CARRIED_ENDPOINTS: u32 = 0x3f;
 /// Parameters of vendors are ignored by others.
 const VENDOR_SPECIFIC: u8 = 0x80;
@@ -33,7 +34,8 @@ pub(super) fn is_sound(payload: &[u8]) -> bool {
     are_sound && payload.starts_with(&ENCAPSULATION) && number(payload, end, true) == Some(SENTINEL)
 }
 
-/// The library reserves memory for as many elements as are stated, and subtracts one from the length of the tag.
+/// The library reserves memory for as many elements as are stated, and subtracts one from the length of the
+/// tag.
 fn is_parameter_sound(id: u16, value: &[u8]) -> bool {
     let stated = value.first_chunk().map(|bytes| u32::from_le_bytes(*bytes) as usize);
     let available = value.len().saturating_sub(4);
@@ -46,9 +48,11 @@ fn is_parameter_sound(id: u16, value: &[u8]) -> bool {
 }
 
 /// Hides parameters that the library misunderstands:
-/// - type information, because it would compare the type with that of [`RawMessage`](super::raw_message::RawMessage);
-///   without it, types are compared by name, as between ROS 2 nodes of different vendors;
-/// - deadlines and liveliness that are infinite in the way of Fast DDS, which it takes for finite ones and refuses.
+/// - type information, because it would compare the type with that of
+///   [`RawMessage`](super::raw_message::RawMessage); without it, types are compared by name, as between ROS 2
+///   nodes of different vendors;
+/// - deadlines and liveliness that are infinite in the way of Fast DDS, which it takes for finite ones and
+///   refuses.
 pub(super) fn simplify(payload: &mut [u8]) {
     payload.get_mut(ENCAPSULATION.len()..ENCAPSULATION_BYTES).into_iter().for_each(|options| options.fill(0));
     let found: Vec<_> = parameters(payload, ENCAPSULATION_BYTES, true).collect();
@@ -60,8 +64,8 @@ pub(super) fn simplify(payload: &mut [u8]) {
     }
 }
 
-/// Leaves a participant the readers and writers of discovery whose messages the transport carries. With others, as those
-/// of topics, the library would repeat messages forever that never arrive.
+/// Leaves a participant the readers and writers of discovery whose messages the transport carries. With
+/// others, as those of topics, the library would repeat messages forever that never arrive.
 pub(super) fn limit_endpoints(payload: &mut [u8]) {
     change(payload, BUILT_IN_ENDPOINTS, |stated| {
         (u32::from_le_bytes(stated) & CARRIED_ENDPOINTS).to_le_bytes()

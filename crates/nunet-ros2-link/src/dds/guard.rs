@@ -1,7 +1,8 @@
 //! Which datagrams are passed to `dust_dds` 0.16, and which parts of them.
 //!
-//! Some values, which any machine can send, make it panic and end its thread. So it receives only what it needs, in the
-//! form that ROS 2 sends: submessages of listed kinds, with all fields in their ranges and lengths as it computes them.
+//! Some values, which any machine can send, make it panic and end its thread. So it receives only what it
+//! needs, in the form that ROS 2 sends: submessages of listed kinds, with all fields in their ranges and
+//! lengths as it computes them.
 
 use std::ops::Range;
 
@@ -40,11 +41,13 @@ pub(super) fn is_acceptable(datagram: &[u8]) -> bool {
             return false;
         }
     }
-    // The walk ends early at a submessage that is longer than the datagram. The library ignores up to three bytes.
+    // The walk ends early at a submessage that is longer than the datagram. The library ignores up to three
+    // bytes.
     datagram.len() - end < SUBMESSAGE_HEADER_BYTES
 }
 
-/// Hides from the library what it does not need or misunderstands. The datagram must be [acceptable](is_acceptable).
+/// Hides from the library what it does not need or misunderstands. The datagram must be
+/// [acceptable](is_acceptable).
 pub(super) fn hide_misunderstood(datagram: &mut [u8]) {
     let parts: Vec<_> = submessages(datagram).collect();
     for part in parts {
@@ -190,7 +193,8 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// How many submessages the library reads in a datagram; `None` if it does not get it. For tests with damaged ones.
+/// How many submessages the library reads in a datagram; `None` if it does not get it. For tests with damaged
+/// ones.
 #[must_use]
 pub fn submessages_read(datagram: &[u8]) -> Option<usize> {
     if !is_acceptable(datagram) {

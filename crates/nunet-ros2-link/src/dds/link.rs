@@ -281,8 +281,8 @@ struct TopicPublisher {
 }
 
 impl MessagePublisher for TopicPublisher {
-    /// Those that answer: the library counts the dead for minutes. Once the library has ended, the last ones: they wait
-    /// for messages, which count as not taken.
+    /// Those that answer: the library counts the dead for minutes. Once the library has ended, the last ones:
+    /// they wait for messages, which count as not taken.
     fn subscribers(&self) -> usize {
         if self.health.has_ended() {
             return self.known.load(Ordering::Relaxed);

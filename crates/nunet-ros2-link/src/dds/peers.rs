@@ -1,9 +1,10 @@
 //! Participants that do not answer.
 //!
-//! `dust_dds` sends no reliable message to any reader while one reader has not confirmed the fifth before it. Middleware
-//! answers within milliseconds; its lease, by which a dead participant would be found, is 20 s in ROS 2. So the transport
-//! confirms in the place of readers that have been silent for 2 s, and sends them only one question per second. Once a
-//! participant answers again, it receives the last heartbeats and requests what it missed.
+//! `dust_dds` sends no reliable message to any reader while one reader has not confirmed the fifth before it.
+//! Middleware answers within milliseconds; its lease, by which a dead participant would be found, is 20 s in
+//! ROS 2. So the transport confirms in the place of readers that have been silent for 2 s, and sends them
+//! only one question per second. Once a participant answers again, it receives the last heartbeats and
+//! requests what it missed.
 
 use std::collections::HashMap;
 use std::net::SocketAddrV4;

@@ -109,7 +109,8 @@ pub(super) fn renumber(datagram: &mut [u8], mut number: impl FnMut(Endpoints, u3
     }
 }
 
-/// Place, identifier and value of each parameter, up to the sentinel or to one that is longer than what is left.
+/// Place, identifier and value of each parameter, up to the sentinel or to one that is longer than what is
+/// left.
 pub(super) fn parameters(
     body: &[u8],
     start: usize,
@@ -213,7 +214,8 @@ fn disposal([reader, writer]: [Entity; 2], sequence: u64, participant: Prefix, e
     [&[DATA, FLAG_LITTLE_ENDIAN | FLAG_INLINE_QOS, body.len() as u8, 0][..], &body].concat()
 }
 
-/// The library's departure, as all vendors understand it: Cyclone DDS cannot read the key that the library sends as data.
+/// The library's departure, as all vendors understand it: Cyclone DDS cannot read the key that the library
+/// sends as data.
 pub(super) fn understood_departure(datagram: &[u8]) -> Option<Vec<u8>> {
     let part = submessages(datagram).find(|part| part.id == DATA)?;
     let body = datagram.get(part.body)?;

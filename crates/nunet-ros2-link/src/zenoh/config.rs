@@ -19,9 +19,9 @@ const MAX_FILE_BYTES: u64 = 1 << 20;
 /// - times are long, because many nodes may start together;
 /// - other sessions may read what this one counts, and so can this one.
 ///
-/// Two things differ from it. Messages are limited in size, as over DDS, so that no peer takes all memory. And
-/// a queue has 1 MB instead of 128 kB, and may take 200 ms instead of 50 ms to take a large message: images
-/// were lost on a busy machine, and only a thread that has nothing else to do waits.
+/// Two things differ from it. Messages are limited in size, as over DDS, so that no peer takes all memory.
+/// And a queue has 1 MB instead of 128 kB, and may take 200 ms instead of 50 ms to take a large message:
+/// images were lost on a busy machine, and only a thread that has nothing else to do waits.
 const ROS_SETTINGS: &str = r#"{
     mode: "peer",
     connect: { timeout_ms: -1, exit_on_failure: false },

@@ -34,7 +34,8 @@ pub(crate) fn shared(name: &LinkName, environment: &Environment) -> Result<Arc<d
     type Links = BTreeMap<(String, u16), Weak<ZenohLink>>;
     static LINKS: Mutex<Links> = Mutex::new(Links::new());
     let config = configuration(name, environment)?;
-    // The name and the address of this machine are one router. [::1] may be another, which listens there only.
+    // The name and the address of this machine are one router. [::1] may be another, which listens there
+    // only.
     let key = (routers(&config).replace("/127.0.0.1:", "/localhost:"), environment.domain);
     let mut links = LINKS.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(link) = links.get(&key).and_then(Weak::upgrade) {

@@ -1,8 +1,8 @@
 //! Zenoh, as `rmw_zenoh` uses it.
 //!
 //! A node of ROS 2 is a Zenoh session that connects to a router. The router introduces nodes to each other;
-//! messages then go from node to node. Liveliness tokens state the topics that a node publishes and subscribes
-//! to. They disappear with their session.
+//! messages then go from node to node. Liveliness tokens state the topics that a node publishes and
+//! subscribes to. They disappear with their session.
 
 mod attachment;
 mod config;

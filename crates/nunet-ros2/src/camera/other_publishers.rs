@@ -9,8 +9,8 @@ use tracing::warn;
 /// How often other publishers are looked for, until one is found. Nodes find each other within seconds.
 pub(super) const LOOK_PERIOD: Duration = Duration::from_secs(5);
 
-/// Looks for other publishers of one topic of a camera, for instance of a second nunetd with a camera of the same name.
-/// Shared memory refuses a second publisher; a network cannot.
+/// Looks for other publishers of one topic of a camera, for instance of a second nunetd with a camera of the
+/// same name. Shared memory refuses a second publisher; a network cannot.
 pub(super) struct OtherPublishers {
     /// The topic; `None` after the warning.
     topic: Option<String>,

@@ -136,8 +136,8 @@ impl Ended {
     }
 }
 
-/// Waits a moment for a program to end by itself, then asks it and all that it started to end, then kills them.
-/// Returns its status if it ended by itself.
+/// Waits a moment for a program to end by itself, then asks it and all that it started to end, then kills
+/// them. Returns its status if it ended by itself.
 fn end(mut child: Child) -> Option<ExitStatus> {
     // Not collected before its group is ended: until then, no other process can have its number.
     let pid = i32::try_from(child.id()).ok().and_then(Pid::from_raw)?;

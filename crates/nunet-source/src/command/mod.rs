@@ -1,4 +1,5 @@
-//! Images that a program writes to its standard output: any command (`exec:`), or ffmpeg for a network camera (`rtsp:`).
+//! Images that a program writes to its standard output: any command (`exec:`), or ffmpeg for a network camera
+//! (`rtsp:`).
 
 mod child;
 mod processes;
@@ -20,7 +21,8 @@ use crate::{Fill, Frame, OpenOptions, Source};
 const POLL_TIMEOUT: Duration = Duration::from_millis(100);
 /// The longest time until the first image: a network camera has to answer.
 const START_TIMEOUT: Duration = Duration::from_secs(30);
-/// A program without an image for this time is started again. A slow one has the time of [`STALL_FRAMES`] images.
+/// A program without an image for this time is started again. A slow one has the time of [`STALL_FRAMES`]
+/// images.
 const STALL: Duration = Duration::from_secs(10);
 const STALL_FRAMES: u32 = 10;
 

@@ -42,8 +42,8 @@ impl Process {
         now.is_some_and(|now| now.started == self.started)
     }
 
-    /// A handle, which never means another process, unlike the number. `None` for a process that has ended, before Linux 5.3,
-    /// and where a sandbox forbids it.
+    /// A handle, which never means another process, unlike the number. `None` for a process that has ended,
+    /// before Linux 5.3, and where a sandbox forbids it.
     fn handle(self) -> Option<OwnedFd> {
         pidfd_open(Pid::from_raw(self.pid)?, PidfdFlags::empty()).ok()
     }
@@ -55,14 +55,14 @@ pub(super) fn is_group_running(group: Pid) -> bool {
     Process::all().is_none_or(|all| all.iter().any(|process| process.group == group))
 }
 
-/// The processes that a program has started, and that are not in its group: by `setsid`, `timeout`, or a shell with job
-/// control. A signal to the group does not reach them.
+/// The processes that a program has started, and that are not in its group: by `setsid`, `timeout`, or a
+/// shell with job control. A signal to the group does not reach them.
 #[derive(Default)]
 pub(super) struct Strays(Vec<(Process, Option<OwnedFd>)>);
 
 impl Strays {
-    /// Those below the processes of a group. To be called while these run: a process whose parent has ended belongs to
-    /// nobody. A daemon is such a process on purpose.
+    /// Those below the processes of a group. To be called while these run: a process whose parent has ended
+    /// belongs to nobody. A daemon is such a process on purpose.
     pub(super) fn below(group: Pid) -> Self {
         let mut strays = Self::default();
         strays.update(group);

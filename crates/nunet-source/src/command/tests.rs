@@ -115,7 +115,8 @@ fn is_alive(pid: &str) -> bool {
     !stat.is_empty() && !stat.contains(") Z ")
 }
 
-/// Runs a command that writes an image after `{show}`, which states the processes `$$ $!`. Both end with the source.
+/// Runs a command that writes an image after `{show}`, which states the processes `$$ $!`. Both end with the
+/// source.
 #[track_caller]
 fn assert_all_end(command: &str) {
     let folder = tempfile::tempdir().unwrap();

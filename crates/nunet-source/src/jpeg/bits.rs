@@ -1,8 +1,8 @@
 //! Bits of an entropy-coded segment, and Huffman codes in them.
 
-/// A coefficient after this many zero bytes is not data. If the code of a coefficient is all zeros, that of the end of a
-/// block is not, so a run of zeros has at most the 63 coefficients of a block and part of the next one, or blocks without
-/// coefficients.
+/// A coefficient after this many zero bytes is not data. If the code of a coefficient is all zeros, that of
+/// the end of a block is not, so a run of zeros has at most the 63 coefficients of a block and part of the
+/// next one, or blocks without coefficients.
 const MAX_ZERO_BYTES: usize = 40;
 
 /// Codes of up to this many bits are decoded by one table lookup.

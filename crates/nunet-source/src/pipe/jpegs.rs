@@ -5,8 +5,9 @@ use std::io::{BufRead, Read};
 use super::image_reader::{ImageReader, PipeImage, unreadable};
 use crate::error::{SourceError, SourceErrorKind};
 
-/// How a stream of JPEGs begins: the first byte of an image, or in a multipart stream that of a boundary, of the end of the
-/// line before it, or of the header of a part (`Content-Type`). Cameras begin with each of them.
+/// How a stream of JPEGs begins: the first byte of an image, or in a multipart stream that of a boundary, of
+/// the end of the line before it, or of the header of a part (`Content-Type`). Cameras begin with each of
+/// them.
 pub(super) const STARTS: [u8; 6] = [MARKER, b'-', b'\r', b'\n', b'C', b'c'];
 /// The longest header that a multipart stream may have before an image.
 const MAX_BETWEEN_BYTES: usize = 1 << 16;
@@ -79,8 +80,9 @@ impl<R: BufRead + Send> JpegReader<R> {
         Ok(byte[0])
     }
 
-    /// Reads the rest of an image. Segments are skipped by their length: a thumbnail in one has a start and an end of its
-    /// own. A start outside of segments is that of the next image; the decoder reports what this one lacks.
+    /// Reads the rest of an image. Segments are skipped by their length: a thumbnail in one has a start and
+    /// an end of its own. A start outside of segments is that of the next image; the decoder reports what
+    /// this one lacks.
     fn read_image(&mut self, file: &mut Vec<u8>) -> Result<(), Incomplete> {
         loop {
             while self.byte(file)? != MARKER {}
@@ -114,7 +116,8 @@ impl<R: BufRead + Send> JpegReader<R> {
         if read < usize::from(length) { Err(Incomplete::End) } else { Ok(()) }
     }
 
-    /// Copies entropy-coded data up to the byte before the next marker, in which a marker byte is followed by 0.
+    /// Copies entropy-coded data up to the byte before the next marker, in which a marker byte is followed by
+    /// 0.
     fn read_scan(&mut self, file: &mut Vec<u8>) -> Result<(), Incomplete> {
         while file.len() < self.max_image_bytes {
             let buffer = self.input.fill_buf()?;

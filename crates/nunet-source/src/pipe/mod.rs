@@ -1,4 +1,5 @@
-//! Images from a pipe: Y4M or JPEGs, whose headers state everything, or raw ones of a size and format that the user states.
+//! Images from a pipe: Y4M or JPEGs, whose headers state everything, or raw ones of a size and format that
+//! the user states.
 
 mod image_reader;
 mod jpegs;
@@ -72,7 +73,8 @@ impl ImageReader for Empty {
     }
 }
 
-/// Chooses the reader: for raw images if `format` is given, else by the first byte. Errors call the stream `name`.
+/// Chooses the reader: for raw images if `format` is given, else by the first byte. Errors call the stream
+/// `name`.
 ///
 /// # Errors
 /// The stream cannot be read, or contains something else.

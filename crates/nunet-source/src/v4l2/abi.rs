@@ -15,7 +15,8 @@ pub(super) const MAX_PLANES: usize = 8;
 pub(super) const MMAP: u32 = 1;
 /// Whole images, not every second row (`V4L2_FIELD_NONE`).
 pub(super) const PROGRESSIVE: u32 = 1;
-/// Of frame sizes and intervals: this one, not a range (`V4L2_FRMSIZE_TYPE_DISCRETE`, `V4L2_FRMIVAL_TYPE_DISCRETE`).
+/// Of frame sizes and intervals: this one, not a range (`V4L2_FRMSIZE_TYPE_DISCRETE`,
+/// `V4L2_FRMIVAL_TYPE_DISCRETE`).
 pub(super) const DISCRETE: u32 = 1;
 
 /// `V4L2_CAP_VIDEO_CAPTURE`
@@ -24,7 +25,8 @@ pub(super) const CAN_CAPTURE: u32 = 0x1;
 pub(super) const CAN_CAPTURE_PLANES: u32 = 0x1000;
 /// `V4L2_CAP_STREAMING`
 pub(super) const CAN_STREAM: u32 = 0x0400_0000;
-/// `device_caps` are this device's, `capabilities` those of all devices of the camera (`V4L2_CAP_DEVICE_CAPS`).
+/// `device_caps` are this device's, `capabilities` those of all devices of the camera
+/// (`V4L2_CAP_DEVICE_CAPS`).
 pub(super) const HAS_DEVICE_CAPS: u32 = 0x8000_0000;
 /// `V4L2_CAP_TIMEPERFRAME`
 pub(super) const CAN_SET_INTERVAL: u32 = 0x1000;

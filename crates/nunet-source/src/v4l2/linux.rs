@@ -148,12 +148,12 @@ impl LinuxDevice {
             );
         };
         loop {
-            // SAFETY: the opcodes of this file are V4L2's, and carry the size of the structure that the kernel reads
-            // and writes (asserted above); plain data stays valid whatever the kernel writes.
+            // SAFETY: the opcodes of this file are V4L2's, and carry the size of the structure that the
+            // kernel reads and writes (asserted above); plain data stays valid whatever the kernel writes.
             let request = unsafe { Updater::<OPCODE, T>::new(argument) };
-            // SAFETY: the device is one of V4L2 (its major number was checked), so it knows these opcodes.
-            // Of the arguments, only the state of a buffer with planes holds a pointer: to an array that is as long
-            // as the state says, and that its caller keeps.
+            // SAFETY: the device is one of V4L2 (its major number was checked), so it knows these opcodes. Of
+            // the arguments, only the state of a buffer with planes holds a pointer: to an array that is as
+            // long as the state says, and that its caller keeps.
             match unsafe { ioctl(&self.file, request) } {
                 Err(Errno::INTR) => {}
                 result => return result,
@@ -380,7 +380,8 @@ mod tests {
         assert_eq!(open(Path::new("/dev/video_that_is_not_there")), Some(Errno::NOENT));
     }
 
-    /// A pipe replaces a driver without these requests: lists are empty, buffers fail, and dropping logs nothing.
+    /// A pipe replaces a driver without these requests: lists are empty, buffers fail, and dropping logs
+    /// nothing.
     #[test]
     fn a_file_that_supports_no_request_returns_errors() {
         let (file, _other) = std::io::pipe().unwrap();

@@ -10,7 +10,8 @@ use super::linux::Linux;
 use super::negotiate::{RequestedMode, choose, is_readable};
 use crate::CameraReport;
 
-/// Every camera of this machine. Devices of other kinds, such as a camera's second one for its metadata, are skipped.
+/// Every camera of this machine. Devices of other kinds, such as a camera's second one for its metadata, are
+/// skipped.
 #[must_use]
 pub fn cameras() -> Vec<CameraReport> {
     cameras_of(&mut Linux)

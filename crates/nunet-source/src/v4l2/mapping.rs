@@ -63,8 +63,8 @@ impl MappedBuffer {
         if !self.is_ours {
             return None;
         }
-        // SAFETY: the driver fills only buffers that are queued, and queueing this one clears `is_ours` through an
-        // exclusive borrow, when no slice of it is left.
+        // SAFETY: the driver fills only buffers that are queued, and queueing this one clears `is_ours`
+        // through an exclusive borrow, when no slice of it is left.
         let mapped = || self.planes.first().map(|plane| unsafe { plane.bytes() });
         self.joined.as_deref().or_else(mapped)
     }

@@ -1,7 +1,7 @@
 //! Cameras of this machine, through V4L2.
 //!
-//! Requests are in [`linux`], mapped memory in [`mapping`], behind the trait [`Device`]. This file contains the policy:
-//! it chooses the mode, takes the newest image, rejects bad images, and waits for a lost camera.
+//! Requests are in [`linux`], mapped memory in [`mapping`], behind the trait [`Device`]. This file contains
+//! the policy: it chooses the mode, takes the newest image, rejects bad images, and waits for a lost camera.
 
 mod abi;
 mod device;
@@ -72,7 +72,8 @@ struct StartedDevice {
 pub(crate) struct VideoDevice;
 
 impl SourceType for VideoDevice {
-    /// The names below `/dev/v4l` stay the same when numbers change, and so do those of the package's udev rule.
+    /// The names below `/dev/v4l` stay the same when numbers change, and so do those of the package's udev
+    /// rule.
     fn is_named(&self, name: &str) -> bool {
         let is_known = ["/dev/video", "/dev/v4l/", "/dev/nunet/"].iter().any(|start| name.starts_with(start));
         let is_device = || Path::new(name).metadata().is_ok_and(|found| found.file_type().is_char_device());

@@ -8,7 +8,8 @@ use crate::camera_settings::{CameraSetting, CameraSettings};
 const EXPOSURE_MODE: u32 = 0x009a_0901;
 /// `V4L2_EXPOSURE_MANUAL`
 const MANUAL: i32 = 1;
-/// `V4L2_EXPOSURE_AUTO`, and `V4L2_EXPOSURE_APERTURE_PRIORITY`, which webcams have instead: their aperture is fixed.
+/// `V4L2_EXPOSURE_AUTO`, and `V4L2_EXPOSURE_APERTURE_PRIORITY`, which webcams have instead: their aperture is
+/// fixed.
 const AUTOMATIC: [i32; 2] = [0, 3];
 /// `V4L2_CID_EXPOSURE_ABSOLUTE`
 const EXPOSURE_TIME: u32 = 0x009a_0902;

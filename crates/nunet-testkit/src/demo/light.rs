@@ -71,8 +71,8 @@ impl LightMap {
         }
     }
 
-    /// The light at a point of a surface (number of the solid times [`FACES`] plus the face), between its four nearest
-    /// samples.
+    /// The light at a point of a surface (number of the solid times [`FACES`] plus the face), between its
+    /// four nearest samples.
     pub(super) fn at(&self, surface: usize, at: &OnFace) -> Vec3 {
         let patch = &self.patches[surface];
         let (x, y) = ((at.u * patch.columns_per_m).max(0.0), (at.v * patch.rows_per_m).max(0.0));

@@ -1,8 +1,8 @@
 //! A ray-cast room with exactly known depth and classes.
 //!
-//! For tests against the truth. The room is deliberately asymmetric in
-//! color, left to right and top to bottom, so that BGR, mirrored or transposed images cannot pass for it. A frame
-//! is a function of seed, size and frame index alone, in arithmetic that every machine does alike.
+//! For tests against the truth. The room is deliberately asymmetric in color, left to right and top to
+//! bottom, so that BGR, mirrored or transposed images cannot pass for it. A frame is a function of seed, size
+//! and frame index alone, in arithmetic that every machine does alike.
 
 mod intrinsics;
 mod light;
@@ -73,8 +73,8 @@ impl DemoScene {
 
     /// Renders one frame without allocating.
     ///
-    /// `rgb` is `[height][width][3]`; `depth_m` is `[height][width]`, meters along the optical axis, never NaN;
-    /// `labels` is `[height][width]`, indices into [`CLASS_NAMES`].
+    /// `rgb` is `[height][width][3]`; `depth_m` is `[height][width]`, meters along the optical axis, never
+    /// NaN; `labels` is `[height][width]`, indices into [`CLASS_NAMES`].
     ///
     /// # Panics
     /// If a buffer has another size.

@@ -3,7 +3,8 @@
 /// 32 bits that look random for each pair of numbers.
 #[inline]
 pub(super) fn hash(a: u32, b: u32) -> u32 {
-    // Half of MurmurHash3's finaliser over a mix of both: cheap enough for each pixel, and without visible patterns.
+    // Half of MurmurHash3's finaliser over a mix of both: cheap enough for each pixel, and without visible
+    // patterns.
     let mix = a.wrapping_mul(0x9E37_79B1) ^ b.wrapping_mul(0x85EB_CA77).rotate_left(15);
     let mix = (mix ^ (mix >> 15)).wrapping_mul(0x2C1B_3C6D);
     mix ^ (mix >> 13)

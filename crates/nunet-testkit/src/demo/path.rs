@@ -15,7 +15,8 @@ pub(super) struct Pose {
 
 /// The pose at a frame: it moves slowly through the free part of the room and turns.
 ///
-/// No sine or cosine, which differ between machines: parabolas swing as smoothly, and tangents of half angles turn.
+/// No sine or cosine, which differ between machines: parabolas swing as smoothly, and tangents of half angles
+/// turn.
 pub(super) fn pose(seed: u64, frame_index: u64) -> Pose {
     let start = |what: u32| u64::from(hash(seed as u32, what));
     let swing = |period: u64, what: u32| swing(frame_index % period + start(what) % period, period);

@@ -1,7 +1,7 @@
 //! The room and its furniture.
 //!
-//! Nothing here is symmetric: the window is on the left and the books are on the right, the floor is dark and the
-//! ceiling light, each wall has its own color.
+//! Nothing here is symmetric: the window is on the left and the books are on the right, the floor is dark and
+//! the ceiling light, each wall has its own color.
 
 use super::class;
 use super::noise::unit;

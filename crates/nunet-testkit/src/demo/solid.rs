@@ -78,8 +78,8 @@ impl Shape {
         }
     }
 
-    /// Where the ray `o + t * d` first meets the shape from its visible side: t and the face; infinity where it does
-    /// not.
+    /// Where the ray `o + t * d` first meets the shape from its visible side: t and the face; infinity where
+    /// it does not.
     pub(super) fn meet(self, o: Vec3, d: Vec3) -> (f32, u8) {
         match self {
             Self::Cuboid { half } => meet_cuboid(half, o, d),
@@ -122,7 +122,8 @@ impl Shape {
         }
     }
 
-    /// The point at `(u, v)` of surface `face` and the direction away from the visible side: [`Shape::chart`] undone.
+    /// The point at `(u, v)` of surface `face` and the direction away from the visible side: [`Shape::chart`]
+    /// undone.
     pub(super) fn point(self, face: u8, at: OnFace) -> (Vec3, Vec3) {
         let OnFace { u, v } = at;
         let side = if face.is_multiple_of(2) { -1.0 } else { 1.0 };
@@ -212,7 +213,8 @@ fn circumference(radius: f32) -> f32 {
     std::f32::consts::TAU * radius
 }
 
-/// 0 to 1 once around, measured along a diamond instead of a circle: no arctangent, which differs between machines.
+/// 0 to 1 once around, measured along a diamond instead of a circle: no arctangent, which differs between
+/// machines.
 fn turns_from_direction(x: f32, y: f32) -> f32 {
     let along = y / (x.abs() + y.abs()).max(f32::MIN_POSITIVE);
     let quarters = if x < 0.0 {

@@ -2,7 +2,8 @@
 
 use std::ops::{Add, Mul, Neg, Sub};
 
-/// A point or direction: meters in the room (x right, y away from the camera's side, z up), or in a solid's own axes.
+/// A point or direction: meters in the room (x right, y away from the camera's side, z up), or in a solid's
+/// own axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Vec3 {
     pub(super) x: f32,

@@ -1,4 +1,5 @@
-//! Depth maps and maps of bytes in few bytes: depth in 0.4 % steps, each value as its difference to a prediction, deflated.
+//! Depth maps and maps of bytes in few bytes: depth in 0.4 % steps, each value as its difference to a
+//! prediction, deflated.
 //!
 //! Depth from a network is smooth, so that most differences are 0, 1 or -1 steps and a map of 320x240 takes
 //! 10 to 20 kB. A browser unpacks it with `DecompressionStream` and a loop of ten lines. JPEG would be
@@ -39,7 +40,8 @@ impl LevelCurve {
         }
     }
 
-    /// The curve of a message; `None` for an unknown number, and for a first value or a step that no curve has.
+    /// The curve of a message; `None` for an unknown number, and for a first value or a step that no curve
+    /// has.
     pub(crate) fn from_parts(number: u8, first: f32, step: f32) -> Option<Self> {
         let is_curve = first.is_finite() && step.is_finite() && step >= 0.0;
         match number {
@@ -146,7 +148,8 @@ fn deflate(bytes: &[u8]) -> Vec<u8> {
     written.and_then(|()| encoder.finish()).unwrap_or_default()
 }
 
-/// Exactly `count` bytes of a zlib stream; `None` if it is damaged, holds fewer or more, or more than any map needs.
+/// Exactly `count` bytes of a zlib stream; `None` if it is damaged, holds fewer or more, or more than any map
+/// needs.
 pub(crate) fn inflate(bytes: &[u8], count: usize) -> Option<Vec<u8>> {
     if count > MAX_MAP_BYTES {
         return None;

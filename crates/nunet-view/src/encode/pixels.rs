@@ -63,8 +63,8 @@ fn nv12_to_rgb(bytes: &[u8], ImageSize { width, height }: ImageSize) -> Vec<u8> 
     rgb
 }
 
-/// The mean of each whole block of `stride` x `stride` pixels; pixels that fill no block are skipped. An image smaller
-/// than a block stays as it is.
+/// The mean of each whole block of `stride` x `stride` pixels; pixels that fill no block are skipped. An
+/// image smaller than a block stays as it is.
 pub(super) fn shrink(pixels: PackedPixels<'_>, stride: u32) -> PackedPixels<'_> {
     let size = ImageSize::new(pixels.size.width / stride, pixels.size.height / stride);
     if stride == 1 || size.pixel_count() == 0 {

@@ -24,7 +24,8 @@ pub(crate) use metrics::metrics_only;
 /// Writes the metrics; called for each request.
 pub type MetricsText = Arc<dyn Fn() -> String + Send + Sync>;
 
-/// More clients with a WebSocket or a video are refused, so that there is always a connection for the page and the metrics.
+/// More clients with a WebSocket or a video are refused, so that there is always a connection for the page
+/// and the metrics.
 pub(crate) const MAX_VIEWERS: usize = 32;
 
 /// The state that all handlers share.

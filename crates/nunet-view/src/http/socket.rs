@@ -179,8 +179,8 @@ impl Client {
         }
     }
 
-    /// Names the cameras. At the beginning, and again when one is added, also in the place of another: the server
-    /// runs before the cameras do.
+    /// Names the cameras. At the beginning, and again when one is added, also in the place of another: the
+    /// server runs before the cameras do.
     async fn send_hello(&mut self) -> Result<(), axum::Error> {
         let all = self.shared.cameras.all();
         self.announced.clone_from(&all);

@@ -1,7 +1,7 @@
 //! A frame as one binary message.
 //!
-//! Little-endian. A header of 80 bytes, then sections: kind (`u32`), length in bytes (`u32`), content, and zeros up to a
-//! multiple of 4. A reader skips sections of a kind that it does not know.
+//! Little-endian. A header of 80 bytes, then sections: kind (`u32`), length in bytes (`u32`), content, and
+//! zeros up to a multiple of 4. A reader skips sections of a kind that it does not know.
 //!
 //! | offset | type | field |
 //! |---|---|---|

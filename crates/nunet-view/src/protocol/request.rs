@@ -37,7 +37,8 @@ pub struct Watch {
     /// Whether labels are sent, if the model has them.
     #[serde(default = "yes")]
     pub labels: bool,
-    /// Whether the confidence of depth is sent, if the model has it. False by default: it takes more bytes than depth.
+    /// Whether the confidence of depth is sent, if the model has it. False by default: it takes more bytes
+    /// than depth.
     #[serde(default)]
     pub confidence: bool,
     /// Whether obstacles are sent, if the camera has a mount.

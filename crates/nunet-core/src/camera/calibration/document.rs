@@ -11,8 +11,8 @@ pub(super) fn first_document(text: &str) -> String {
     "\n".repeat(text[..place.start].matches('\n').count()) + &text[place]
 }
 
-/// Where the first document with content is. `ros2 topic echo` ends each message with `---`, and OpenCV begins with
-/// `%YAML:1.0`, which is not YAML.
+/// Where the first document with content is. `ros2 topic echo` ends each message with `---`, and OpenCV
+/// begins with `%YAML:1.0`, which is not YAML.
 pub(super) fn document_range(text: &str) -> Range<usize> {
     let is_marker = |line: &str| ["---", "..."].contains(&line.trim_end());
     let is_before = |line: &str| line.trim().is_empty() || line.starts_with(['#', '%']) || is_marker(line);

@@ -19,8 +19,8 @@ pub(super) fn parse(text: &str) -> Result<Calibration, CalibrationError> {
     Ok(Calibration { scale, ..calibration })
 }
 
-/// The keys that are read of a file and of a printed message; others are ignored. All are optional here, so that a missing
-/// one is an error of ours.
+/// The keys that are read of a file and of a printed message; others are ignored. All are optional here, so
+/// that a missing one is an error of ours.
 #[derive(Deserialize)]
 struct CameraInfoFile {
     #[serde(alias = "width", alias = "image_Width")]

@@ -1,5 +1,5 @@
-//! A camera's calibration as ROS describes it: a `camera_info` file in YAML (`camera_calibration_parsers`), or the fields
-//! of a `sensor_msgs/CameraInfo`.
+//! A camera's calibration as ROS describes it: a `camera_info` file in YAML (`camera_calibration_parsers`),
+//! or the fields of a `sensor_msgs/CameraInfo`.
 
 mod document;
 mod error;
@@ -23,15 +23,15 @@ pub use scale::{CalibratedScale, ScaleNote};
 /// A `camera_info` file has about a thousand bytes.
 const MAX_BYTES: usize = 64 * 1024;
 
-/// The largest skew that is ignored, relative to fx. Depth maps and messages have no place for a skew. ROS's fisheye
-/// calibration leaves one of 0.2 to 2 % in its files, which moves a point at 45 degrees by at most a hundredth of its depth;
-/// a larger one is not the error of an estimate.
+/// The largest skew that is ignored, relative to fx. Depth maps and messages have no place for a skew. ROS's
+/// fisheye calibration leaves one of 0.2 to 2 % in its files, which moves a point at 45 degrees by at most a
+/// hundredth of its depth; a larger one is not the error of an estimate.
 const MAX_IGNORED_SKEW: f64 = 0.02;
 
 /// A calibrated camera at the size that it was calibrated at.
 ///
-/// It describes the image as the sensor delivers it. `rectification_matrix` and `projection_matrix` describe rectified
-/// images and are not read.
+/// It describes the image as the sensor delivers it. `rectification_matrix` and `projection_matrix` describe
+/// rectified images and are not read.
 ///
 /// # Example: half the size of the calibration
 /// ```
@@ -47,7 +47,7 @@ const MAX_IGNORED_SKEW: f64 = 0.02;
 /// )?;
 /// let camera = calibration.at_size(640, 480)?;
 /// assert_eq!((camera.intrinsics.fx_px, camera.intrinsics.cx_px), (518.5, 325.25));
-/// assert_eq!(camera.distortion, calibration.camera().distortion, "a lens does not change with the image size");
+/// assert_eq!(camera.distortion, calibration.camera().distortion, "a lens does not change with the size");
 /// # Ok::<(), CalibrationError>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -99,8 +99,8 @@ impl Calibration {
     /// No calibration that [`Calibration::parse`] accepts has more bytes; a reader can stop there.
     pub const MAX_BYTES: usize = MAX_BYTES;
 
-    /// Parses YAML: `camera_info` as ROS's `camera_calibration` writes it, a `CameraInfo` message as `ros2 topic echo` prints
-    /// it, OpenCV's `FileStorage`, or Kalibr's camchain of one camera.
+    /// Parses YAML: `camera_info` as ROS's `camera_calibration` writes it, a `CameraInfo` message as
+    /// `ros2 topic echo` prints it, OpenCV's `FileStorage`, or Kalibr's camchain of one camera.
     ///
     /// # Errors
     /// Text that is too long, empty or not YAML, missing keys, a matrix of the wrong shape, and what
@@ -123,7 +123,8 @@ impl Calibration {
     /// A skew of up to 2 % of fx is ignored ([`Calibration::ignored_skew`]).
     ///
     /// # Errors
-    /// A camera matrix that is not one, a larger skew, and what [`Intrinsics::new`] and [`Distortion::from_ros`] refuse.
+    /// A camera matrix that is not one, a larger skew, and what [`Intrinsics::new`] and
+    /// [`Distortion::from_ros`] refuse.
     pub fn from_ros(info: &RosCameraInfo<'_>) -> Result<Self, CalibrationError> {
         check_finite("camera_matrix", info.k)?;
         check_finite("distortion_coefficients", info.d)?;
@@ -177,8 +178,8 @@ impl Calibration {
     /// The camera when its images are resized to `width` x `height` pixels.
     ///
     /// # Errors
-    /// A size of another aspect ratio, by more than the rounding to whole pixels: such an image was cropped or
-    /// stretched, and the calibration does not say where.
+    /// A size of another aspect ratio, by more than the rounding to whole pixels: such an image was cropped
+    /// or stretched, and the calibration does not say where.
     pub fn at_size(&self, width: u32, height: u32) -> Result<Camera, CameraError> {
         self.camera.fitted_to(width, height)
     }

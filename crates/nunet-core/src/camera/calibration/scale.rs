@@ -76,7 +76,8 @@ fn is_start(line: &str) -> bool {
 }
 
 impl ScaleNote {
-    /// The text of a calibration file with this factor at the end of its document. The rest of the text does not change.
+    /// The text of a calibration file with this factor at the end of its document. The rest of the text does
+    /// not change.
     ///
     /// # Errors
     /// A text that is no calibration, or that would no longer describe the same camera.
@@ -126,8 +127,8 @@ impl ScaleNote {
     }
 }
 
-/// A document without the block, which ends at the last indented line before another key. Empty lines and comments may
-/// be between.
+/// A document without the block, which ends at the last indented line before another key. Empty lines and
+/// comments may be between.
 fn without_block(document: &str) -> String {
     let lines: Vec<&str> = document.split_inclusive('\n').collect();
     let Some(start) = lines.iter().position(|line| is_start(line)) else { return document.to_owned() };

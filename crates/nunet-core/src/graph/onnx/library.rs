@@ -17,14 +17,15 @@ type GetApiBase = unsafe extern "C" fn() -> *const ort::sys::OrtApiBase;
 /// A file that is not a shared library, a library other than ONNX Runtime, and one that is too old for the
 /// interface of this build.
 pub(super) fn version(path: &Path) -> Result<String, RuntimeError> {
-    // SAFETY: loading runs the library's initializers, which is what the user asked for by naming it; it stays loaded
-    // for the whole of this function, and everything read from it is copied.
+    // SAFETY: loading runs the library's initializers, which is what the user asked for by naming it; it
+    // stays loaded for the whole of this function, and everything read from it is copied.
     let library = unsafe { libloading::Library::new(path) }.map_err(|error| RuntimeError::NotALibrary {
         library: path.to_owned(),
         reason: reason(&error, path),
     })?;
     let not_onnx_runtime = || RuntimeError::NotOnnxRuntime { library: path.to_owned() };
-    // SAFETY: the symbol has had this type in each ONNX Runtime since 1.0; no other library is known to export it.
+    // SAFETY: the symbol has had this type in each ONNX Runtime since 1.0; no other library is known to
+    // export it.
     let get_base = unsafe { library.get::<GetApiBase>(b"OrtGetApiBase") }.map_err(|_| not_onnx_runtime())?;
     // SAFETY: it takes nothing and returns a pointer to a static table, or null.
     let base = unsafe { get_base() };

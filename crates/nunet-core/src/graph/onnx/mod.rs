@@ -1,7 +1,8 @@
 //! ONNX Runtime: the only folder that names `ort`.
 //!
-//! [`library`] inspects a shared library, [`runtime`] loads it, [`provider`] registers execution providers, [`model`]
-//! loads a file, [`tensor`] lends memory, [`session`] runs. Only `library`, `tensor` and `session` have unsafe code.
+//! [`library`] inspects a shared library, [`runtime`] loads it, [`provider`] registers execution providers,
+//! [`model`] loads a file, [`tensor`] lends memory, [`session`] runs. Only `library`, `tensor` and `session`
+//! have unsafe code.
 
 mod error;
 mod library;

@@ -62,8 +62,8 @@ impl OnnxModel {
     }
 }
 
-/// The folder for weights outside the model file: none. ONNX Runtime's default is the working directory, and then a
-/// frame's model hash would not identify the model.
+/// The folder for weights outside the model file: none. ONNX Runtime's default is the working directory, and
+/// then a frame's model hash would not identify the model.
 const NO_FOLDER: (&str, &str) = ("session.model_external_initializers_file_folder_path", "/dev/null");
 
 /// Threads sleep as soon as a run ends. Spinning between two frames would use CPU time that the rest of the
@@ -79,11 +79,11 @@ const SLEEP_AFTER_RUN: (&str, &str) = ("session.force_spinning_stop", "1");
 /// Before ONNX Runtime 1.31 the option does not exist and is ignored.
 const SPIN_DURATION: (&str, &str) = ("session.intra_op.spin_duration_us", "50");
 
-/// Exact 8-bit arithmetic on x86 processors without VNNI, where ONNX Runtime's fast one adds pairs of products in 16
-/// bits that saturate: depth of `wnet_c.onnx` with 8-bit weights was then 4.2 % off instead of 2.1 % (mean of an image,
-/// against float32), and its self-test failed. Costs nothing with weights of 7 bits, which `wnet_c.onnx` has now, and
-/// has no effect on other processors.
-/// Source: `kOrtSessionOptionsAvx2PrecisionMode` in `onnxruntime_session_options_config_keys.h`.
+/// Exact 8-bit arithmetic on x86 processors without VNNI, where ONNX Runtime's fast one adds pairs of
+/// products in 16 bits that saturate: depth of `wnet_c.onnx` with 8-bit weights was then 4.2 % off instead of
+/// 2.1 % (mean of an image, against float32), and its self-test failed. Costs nothing with weights of 7 bits,
+/// which `wnet_c.onnx` has now, and has no effect on other processors. Source:
+/// `kOrtSessionOptionsAvx2PrecisionMode` in `onnxruntime_session_options_config_keys.h`.
 const EXACT_INTEGERS: (&str, &str) = ("session.x64quantprecision", "1");
 
 /// Keeps the provider of each node for [`Session::node_assignment`]: a few names per node.

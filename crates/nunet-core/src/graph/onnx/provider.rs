@@ -15,7 +15,8 @@ impl Provider {
 
     /// `self`, or the best provider for [`Provider::Auto`].
     ///
-    /// Decided by a trial registration, because a library may have a provider whose own libraries or devices are missing.
+    /// Decided by a trial registration, because a library may have a provider whose own libraries or devices
+    /// are missing.
     ///
     /// # Errors
     /// A named provider that does not register; [`Provider::Auto`] always finds `cpu`.

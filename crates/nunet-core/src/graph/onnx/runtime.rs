@@ -30,8 +30,8 @@ impl Runtime {
     /// own run. After a failed load, another path can be tried.
     ///
     /// # Errors
-    /// A path that is missing or not a plain file, a file that is no shared library, a shared library that is not
-    /// ONNX Runtime, one that is too old, and another one than the process has loaded before.
+    /// A path that is missing or not a plain file, a file that is no shared library, a shared library that is
+    /// not ONNX Runtime, one that is too old, and another one than the process has loaded before.
     pub fn load(library: &Path) -> Result<Self, RuntimeError> {
         let library = plain_file(library)?;
         let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
@@ -64,7 +64,8 @@ impl Runtime {
         &self.environment
     }
 
-    /// The providers that start on this machine without long preparations, those that [`Provider::Auto`] tries, best first.
+    /// The providers that start on this machine without long preparations, those that [`Provider::Auto`]
+    /// tries, best first.
     #[must_use]
     pub fn providers(&self) -> Vec<Provider> {
         Provider::AUTOMATIC
@@ -104,7 +105,8 @@ impl Runtime {
     }
 }
 
-/// `path` with links resolved, so that ort does not search for it beside the executable, and a pipe is not opened.
+/// `path` with links resolved, so that ort does not search for it beside the executable, and a pipe is not
+/// opened.
 fn plain_file(path: &Path) -> Result<PathBuf, RuntimeError> {
     let missing = |source| RuntimeError::Missing { library: path.to_owned(), source };
     let library = path.canonicalize().map_err(missing)?;

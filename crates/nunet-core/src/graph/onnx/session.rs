@@ -21,8 +21,8 @@ pub(in crate::graph) type SharedSession = Arc<Mutex<ort::session::Session>>;
 
 /// A session with the names and pointers of a run prepared, so that a run allocates nothing on the Rust side.
 ///
-/// The ONNX Runtime session with its weights can be shared ([`Self::share`]). Its runs are serialized, because not every
-/// provider can run one session twice at the same time.
+/// The ONNX Runtime session with its weights can be shared ([`Self::share`]). Its runs are serialized,
+/// because not every provider can run one session twice at the same time.
 pub(in crate::graph) struct Session {
     session: SharedSession,
     input_names: Names,
@@ -31,8 +31,8 @@ pub(in crate::graph) struct Session {
     outputs: Vec<*mut OrtValue>,
 }
 
-// SAFETY: the session is `Send`, and shared behind a lock; the name pointers point into strings that `Names` owns; the
-// value pointers are not used between runs.
+// SAFETY: the session is `Send`, and shared behind a lock; the name pointers point into strings that `Names`
+// owns; the value pointers are not used between runs.
 unsafe impl Send for Session {}
 
 impl Session {
@@ -98,7 +98,8 @@ impl Session {
         }
         self.outputs.clear();
         self.outputs.resize(self.output_names.len(), std::ptr::null_mut());
-        // SAFETY: as in `run`, except that the outputs are null, so ONNX Runtime allocates them and hands them over.
+        // SAFETY: as in `run`, except that the outputs are null, so ONNX Runtime allocates them and hands
+        // them over.
         let ran = unsafe { self.run_prepared() };
         let outputs: Vec<_> = self.outputs.drain(..).filter_map(NonNull::new).map(Value::from_run).collect();
         ran?;
@@ -125,21 +126,23 @@ impl Session {
         if self.inputs.len() != self.input_names.len() || self.outputs.len() != self.output_names.len() {
             return Err("the run has another number of tensors than the model".to_owned());
         }
-        // SAFETY: there are as many as names. Each value lives in a `CallerTensor` or `OwnTensors` that the tokens borrow
-        // for `'run`, and so does its memory; no output is read-only, an input, or given twice. Outputs are not null, so
-        // ONNX Runtime writes into them and allocates none of its own.
+        // SAFETY: there are as many as names. Each value lives in a `CallerTensor` or `OwnTensors` that the
+        // tokens borrow for `'run`, and so does its memory; no output is read-only, an input, or given twice.
+        // Outputs are not null, so ONNX Runtime writes into them and allocates none of its own.
         unsafe { self.run_prepared() }
     }
 
-    /// Runs with `self.inputs` and `self.outputs`; null outputs are replaced by values that the caller has to take.
+    /// Runs with `self.inputs` and `self.outputs`; null outputs are replaced by values that the caller has to
+    /// take.
     ///
     /// # Safety
-    /// There are as many of each as names. Every value that is not null lives, and so does its memory; no output is
-    /// read-only, an input, or there twice.
+    /// There are as many of each as names. Every value that is not null lives, and so does its memory; no
+    /// output is read-only, an input, or there twice.
     unsafe fn run_prepared(&mut self) -> Result<(), String> {
         // A panic while the lock was held left nothing half-written: the guard is only read through.
         let session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
-        // SAFETY: session and names live in `self`, and the session is locked; the values are the caller's responsibility.
+        // SAFETY: session and names live in `self`, and the session is locked; the values are the caller's
+        // responsibility.
         check(unsafe {
             (ort::api().Run)(
                 session.ptr().cast_mut(),

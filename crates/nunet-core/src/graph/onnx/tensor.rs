@@ -5,11 +5,11 @@
 
 //! Tensors over memory of this crate and of the caller.
 //!
-//! An `OrtValue` over memory that it does not own holds an address, a type and a shape; creating or keeping one reads
-//! nothing. Memory is accessed only during a run with the value. The rule that keeps this sound: **a run takes only
-//! [`Lent`] tokens, and a token borrows the memory it stands for.** A value for an address that the caller has freed is
-//! stale but harmless: it takes part in a run again only inside a token that borrows live memory at the same address and
-//! of the same length.
+//! An `OrtValue` over memory that it does not own holds an address, a type and a shape; creating or keeping
+//! one reads nothing. Memory is accessed only during a run with the value. The rule that keeps this sound:
+//! **a run takes only [`Lent`] tokens, and a token borrows the memory it stands for.** A value for an address
+//! that the caller has freed is stale but harmless: it takes part in a run again only inside a token that
+//! borrows live memory at the same address and of the same length.
 
 use std::ffi::c_void;
 use std::marker::PhantomData;
@@ -21,8 +21,8 @@ use ort::sys::{ONNXTensorElementDataType as OrtElement, OrtTensorTypeAndShapeInf
 
 use crate::graph::{ElementType, GraphError, TensorSpec};
 
-/// How many of the caller's addresses are cached for one tensor. Shared-memory pools recycle far fewer chunks; beyond
-/// that a value is created per frame, and memory stays bounded.
+/// How many of the caller's addresses are cached for one tensor. Shared-memory pools recycle far fewer
+/// chunks; beyond that a value is created per frame, and memory stays bounded.
 const MAX_ADDRESSES: usize = 64;
 
 /// An owned `OrtValue`.
@@ -38,7 +38,8 @@ impl Value {
             .map_err(|error| error.to_string())?;
         let element = ort_element(spec.element).ok_or("the element type has no size")?;
         let mut value = std::ptr::null_mut();
-        // SAFETY: all pointers are valid for the call; the value keeps `address` without touching what it points to.
+        // SAFETY: all pointers are valid for the call; the value keeps `address` without touching what it
+        // points to.
         let status = unsafe {
             (ort::api().CreateTensorWithDataAsOrtValue)(
                 memory.ptr(),
@@ -109,7 +110,8 @@ impl Element for f32 {
     const TYPE: ElementType = ElementType::Float32;
 }
 
-/// A tensor whose memory the caller provides for each run: the image, the depth map, the labels, the confidence.
+/// A tensor whose memory the caller provides for each run: the image, the depth map, the labels, the
+/// confidence.
 pub(in crate::graph) struct CallerTensor {
     role: &'static str,
     spec: TensorSpec,
@@ -267,8 +269,8 @@ impl OwnTensors {
     /// The bytes of one tensor.
     pub(in crate::graph) fn bytes(&self, index: usize) -> &[u8] {
         let tensor = &self.0[index];
-        // SAFETY: `tensor` owns at least that many initialized bytes; runs write them only through tokens of `lend`,
-        // which borrows `self` mutably and so cannot be alive beside this view.
+        // SAFETY: `tensor` owns at least that many initialized bytes; runs write them only through tokens of
+        // `lend`, which borrows `self` mutably and so cannot be alive beside this view.
         unsafe { std::slice::from_raw_parts(tensor.memory.as_ptr().cast(), tensor.bytes) }
     }
 

@@ -47,8 +47,8 @@ pub(in crate::graph) fn wired_extra(
 }
 
 impl WiredExtra {
-    /// The tensor's bytes for a camera at the network's size; `None` for a value that does not fit, and for a tensor that
-    /// is too large.
+    /// The tensor's bytes for a camera at the network's size; `None` for a value that does not fit, and for a
+    /// tensor that is too large.
     pub(in crate::graph) fn bytes(&self, camera: &Intrinsics) -> Option<Vec<u8>> {
         let bytes = self.spec.bytes().filter(|&bytes| bytes <= MAX_TENSOR_BYTES)?;
         let elements = bytes / self.spec.element.bytes()?;
@@ -56,7 +56,8 @@ impl WiredExtra {
     }
 }
 
-/// A shape with its open dimensions set to 1, or the only open one to the count of constants that remains for it.
+/// A shape with its open dimensions set to 1, or the only open one to the count of constants that remains for
+/// it.
 fn closed_shape(shape: &[i64], value: &ExtraInput) -> Vec<i64> {
     let open = shape.iter().filter(|&&dim| dim < 0).count();
     // Saturates: the size of a tensor that would overflow is refused later.

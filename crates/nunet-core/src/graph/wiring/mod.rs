@@ -2,9 +2,10 @@
 //!
 //! Pure: signatures in, a plan or an error out. A plan is correct by construction; nothing checks it again.
 //!
-//! Approach: stages are wired in the order of the manifest, so every input of a stage can only come from the image, an
-//! earlier stage's tensor, the stage's own state, or a value that the sidecar feeds. Each input is looked up in exactly
-//! these places and compared in type and shape. The results of the graph are compared with the contract at the end.
+//! Approach: stages are wired in the order of the manifest, so every input of a stage can only come from the
+//! image, an earlier stage's tensor, the stage's own state, or a value that the sidecar feeds. Each input is
+//! looked up in exactly these places and compared in type and shape. The results of the graph are compared
+//! with the contract at the end.
 
 mod error;
 mod extras;
@@ -137,7 +138,8 @@ pub(crate) fn is_due(every: u32, run: u64) -> bool {
 }
 
 impl Unwired<'_> {
-    /// Checks that every input of every stage has a matching source, and that the results follow the contract.
+    /// Checks that every input of every stage has a matching source, and that the results follow the
+    /// contract.
     ///
     /// # Errors
     /// The first mismatch, with both sides.
@@ -294,8 +296,8 @@ impl Unwired<'_> {
         }
     }
 
-    /// The outputs of a stage that have a known size and so can be allocated. Another output that something uses is
-    /// refused by [`Self::find`].
+    /// The outputs of a stage that have a known size and so can be allocated. Another output that something
+    /// uses is refused by [`Self::find`].
     fn outputs_to_fetch<'s>(
         &'s self,
         stage: &'s ManifestStage,
@@ -309,7 +311,8 @@ impl Unwired<'_> {
     }
 }
 
-/// Depth with a new capture time must be computed for it, and so must its confidence: their stages run for each frame.
+/// Depth with a new capture time must be computed for it, and so must its confidence: their stages run for
+/// each frame.
 fn check_depth_each_frame(plan: &Wired) -> Result<(), WiringError> {
     for (role, index) in [("depth", Some(plan.depth)), ("confidence", plan.confidence)] {
         let is_of = |stage: &&WiredStage| index.is_some_and(|index| stage.outputs.contains(&index));

@@ -38,8 +38,8 @@ impl Unwired<'_> {
         Ok(Some(index))
     }
 
-    /// Width and height of the depth map. Networks of the contract give depth of the image's size; foreign ones may give
-    /// another size of the same aspect ratio, with dimensions of 1 anywhere around it.
+    /// Width and height of the depth map. Networks of the contract give depth of the image's size; foreign
+    /// ones may give another size of the same aspect ratio, with dimensions of 1 anywhere around it.
     fn depth_size(&self, given: &TensorSpec, size: ImageSize) -> Result<ImageSize, WiringError> {
         let (width, height) = (i64::from(size.width), i64::from(size.height));
         let expected = [1, 1, height, width];
@@ -82,8 +82,8 @@ impl Wired {
     }
 }
 
-/// Whether depth of the size `depth` can be that of the whole image: its aspect ratio is the image's up to a pixel, or each
-/// side is reduced or enlarged by a whole factor. Another one is transposed or cropped.
+/// Whether depth of the size `depth` can be that of the whole image: its aspect ratio is the image's up to a
+/// pixel, or each side is reduced or enlarged by a whole factor. Another one is transposed or cropped.
 fn shows_all_of(image: ImageSize, depth: ImageSize) -> bool {
     let cross = |a: u32, b: u32| u64::from(a) * u64::from(b);
     let off = cross(depth.width, image.height).abs_diff(cross(image.width, depth.height));

@@ -1,5 +1,5 @@
-//! The state of a stage: the tensors in `nunet.state` are in its file, with the same type and shape on both sides, and
-//! have no other source.
+//! The state of a stage: the tensors in `nunet.state` are in its file, with the same type and shape on both
+//! sides, and have no other source.
 
 use super::{Wired, WiredState, list, named};
 use crate::graph::WiringError;

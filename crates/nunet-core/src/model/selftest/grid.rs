@@ -19,7 +19,8 @@ pub(super) fn cells() -> impl Iterator<Item = (usize, usize)> + Clone {
 }
 
 impl SelfTestGrid {
-    /// The grid of a decoded depth map, NaN where there is no measurement, and of its labels: both `[height][width]`.
+    /// The grid of a decoded depth map, NaN where there is no measurement, and of its labels: both
+    /// `[height][width]`.
     #[must_use]
     pub fn of(depth: &[f32], labels: Option<&[u8]>, width: u32, height: u32) -> Self {
         let (width, height) = (width as usize, height as usize);

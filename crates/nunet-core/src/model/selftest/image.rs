@@ -2,8 +2,8 @@
 
 /// The image `nunet-selftest-1`: `[height][width][3]`, RGB, rows top to bottom. No side may be 0.
 ///
-/// Computed with integers, so that every language draws the same. No symmetry in color, left to right or top to bottom, so
-/// that swapped channels or a mirrored image give another answer.
+/// Computed with integers, so that every language draws the same. No symmetry in color, left to right or top
+/// to bottom, so that swapped channels or a mirrored image give another answer.
 #[must_use]
 pub fn image(width: u32, height: u32) -> Vec<u8> {
     let mut rgb = Vec::with_capacity(3 * width as usize * height as usize);

@@ -1,7 +1,7 @@
 //! The self-test: one procedural image and the network's answer to it at export.
 //!
-//! It detects a provider, processor or quantization that computes something else. Image, grid and format are specified to
-//! the byte in `docs/book/model-file.md`.
+//! It detects a provider, processor or quantization that computes something else. Image, grid and format are
+//! specified to the byte in `docs/book/model-file.md`.
 
 mod grid;
 mod image;
@@ -24,8 +24,8 @@ const VERSION: u32 = 1;
 /// The name of [`image`].
 const IMAGE: &str = "nunet-selftest-1";
 
-/// A tolerance that is larger than this and than all depths of the answer would let any answer pass. Not 0, because depth
-/// without a unit may be 0 everywhere, and not 1, because depth of `minmax` is at most 1.
+/// A tolerance that is larger than this and than all depths of the answer would let any answer pass. Not 0,
+/// because depth without a unit may be 0 everywhere, and not 1, because depth of `minmax` is at most 1.
 const MIN_TOLERANCE_LIMIT: f32 = 0.01;
 
 /// The expected answer in a model file.

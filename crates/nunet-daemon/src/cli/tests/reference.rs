@@ -1,5 +1,5 @@
-//! The reference page of all flags and the schema of the configuration file, generated from the command line. The tests
-//! keep the files in `docs/book` current: if one differs, it is rewritten and the test fails once.
+//! The reference page of all flags and the schema of the configuration file, generated from the command line.
+//! The tests keep the files in `docs/book` current: if one differs, it is rewritten and the test fails once.
 
 use std::fmt::Write as _;
 use std::path::Path;

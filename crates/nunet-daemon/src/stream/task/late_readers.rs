@@ -8,7 +8,8 @@ use crate::source::Frame;
 use crate::stream::state::StreamState;
 
 impl StreamTask {
-    /// Keeps a published frame whose other results may still be needed, and returns any other one to the source.
+    /// Keeps a published frame whose other results may still be needed, and returns any other one to the
+    /// source.
     pub(super) fn keep_or_give_back(&mut self, frame: Frame, end: FrameEnd, state: &StreamState) {
         // A request from before may be outdated; if not, the source repeats it.
         state.take_frame_request();
@@ -26,13 +27,14 @@ impl StreamTask {
         }
     }
 
-    /// Whether results of the last frame can still be computed for a reader that joins later. A network or filter with a state
-    /// must not process a frame twice.
+    /// Whether results of the last frame can still be computed for a reader that joins later. A network or
+    /// filter with a state must not process a frame twice.
     fn can_serve_late_readers(&self) -> bool {
         self.publisher.has_omitted_results() && self.pipeline.is_stateless()
     }
 
-    /// Computes labels and cloud of the last frame for readers that joined since. The frame has been counted already.
+    /// Computes labels and cloud of the last frame for readers that joined since. The frame has been counted
+    /// already.
     pub(super) fn serve_late_readers(&mut self) {
         let Some(frame) = self.kept.take() else { return };
         match self.try_serve_late_readers(&frame) {

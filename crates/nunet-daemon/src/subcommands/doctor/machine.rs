@@ -79,7 +79,8 @@ fn logind() -> String {
     std::iter::once(read("/etc/systemd/logind.conf")).chain(parts).collect::<Vec<_>>().join("\n")
 }
 
-/// logind removes the shared memory of users who log out, but not of system users (logind.conf(5), `RemoveIPC`).
+/// logind removes the shared memory of users who log out, but not of system users (logind.conf(5),
+/// `RemoveIPC`).
 fn logout(user: u32, logind: &str) -> Finding {
     const FIRST_REGULAR_USER: u32 = 1000;
     let set = |value: &str| {

@@ -124,7 +124,8 @@ pub(super) struct PreparedCamera<'a> {
 /// Opens the sources of all cameras. Bad arguments of one camera are an error. So is a source that cannot be
 /// opened, if no other can. Otherwise, a camera device is waited for, and any other source fails alone.
 ///
-/// With `open` of [`SourceName::probe`] nothing is read from cameras and pipes: `nunetd config` refuses what `run` would.
+/// With `open` of [`SourceName::probe`] nothing is read from cameras and pipes: `nunetd config` refuses what
+/// `run` would.
 pub(super) fn prepare<'a>(
     plans: Vec<CameraPlan<'a>>,
     stop: &Stop,

@@ -223,7 +223,8 @@ fn discovered(participant: &DomainParticipant) -> Option<usize> {
     answered.recv_timeout(TIMEOUT).ok()
 }
 
-/// The library continues after every datagram. Each copy comes from another participant, so that its state is new.
+/// The library continues after every datagram. Each copy comes from another participant, so that its state is
+/// new.
 #[test]
 fn the_library_survives_damaged_datagrams() {
     let (own, receiver) = library();
