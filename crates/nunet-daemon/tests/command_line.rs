@@ -7,7 +7,7 @@ use std::process::Stdio;
 
 use serde_json::Value;
 
-use crate::support::{Bench, Guarded, camera, nunetd, run, run_into, text};
+use crate::support::{Bench, Guarded, camera, nunetd, run, run_into, snapshot, text};
 
 /// The error of a command: its exit code, and its lines without log lines.
 fn error_of(arguments: &[&str]) -> (Option<i32>, String) {
@@ -63,10 +63,10 @@ fn fatal_errors_are_json_if_the_log_is() {
     let error = json_error(&["--log-format", "json", "inspect", &missing], 2);
     assert!(error["message"].as_str().unwrap().contains("missing.onnx"), "{error}");
     let error = json_error(&["run", "--frames", "0", "--log-format=json"], 2);
-    assert!(error["message"].as_str().unwrap().contains("expected a whole number"), "{error}");
+    assert!(error["message"].as_str().unwrap().contains("--frames"), "{error}");
     let error = json_error(&["--log-format", "json", "inferr"], 2);
-    assert_eq!(error["message"], "`inferr` is not a subcommand of nunetd");
-    assert!(error["hint"].as_str().unwrap().starts_with("one of run, infer"), "{error}");
+    assert!(error["message"].as_str().unwrap().contains("`inferr`"), "{error}");
+    assert!(error["hint"].as_str().unwrap().contains("run, infer, feed, "), "{error}");
 }
 
 #[test]
@@ -75,19 +75,19 @@ fn a_camera_that_does_not_fit_ends_run_and_feed_at_the_first_frame() {
     let (model, name) = (bench.arg("model.onnx"), camera("misfit"));
     // The demo is 320x240 and has no end.
     let camera = ["--intrinsics", "500,500,320,180@640x360", "--camera", &name];
-    for subcommand in [&["run", "--model", &model, "--source", "demo"][..], &["feed", "demo"]] {
-        let (code, error) = error_of(&[&["-q"][..], subcommand, &camera].concat());
-        assert_eq!(code, Some(2), "{error}");
-        assert!(error.starts_with("error: the given calibration or intrinsics do not fit"), "{error}");
-        assert!(error.contains("320x240") && error.lines().count() < 6, "{error}");
-    }
+    let subcommands = [&["run", "--model", &model, "--source", "demo"][..], &["feed", "demo"]];
+    let [of_run, of_feed] =
+        subcommands.map(|subcommand| error_of(&[&["-q"][..], subcommand, &camera].concat()));
+    assert_eq!(of_run, of_feed);
+    assert_eq!(of_run.0, Some(2), "{}", of_run.1);
+    snapshot!(of_run.1);
 }
 
 #[test]
 fn the_contract_has_one_format_which_must_be_asked_for() {
     let (code, error) = error_of(&["contract"]);
     assert_eq!(code, Some(2), "{error}");
-    assert!(error.contains("\nhint: pass --json"), "{error}");
+    assert!(error.contains("--json"), "{error}");
 }
 
 /// Subcommands that print results, and what stops without a model or a camera.
@@ -135,7 +135,7 @@ fn watch_ends_if_no_frame_comes_within_its_timeout() {
     let (bench, name) = (Bench::new(), camera("timeout"));
     let (code, error) = error_of(&["-q", "watch", &name, "--timeout", "0.2"]);
     assert_eq!(code, Some(1), "{error}");
-    assert!(error.contains(&name) && error.contains("after 0.2 s"), "{error}");
+    assert!(error.contains(&name) && error.contains("0.2 s"), "{error}");
 
     let model = bench.arg("model.onnx");
     let mut daemon =
@@ -149,7 +149,7 @@ fn watch_ends_if_no_frame_comes_within_its_timeout() {
     let output = watch.wait_with_output().unwrap();
     let stderr = text(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{stderr}");
-    assert!(stderr.starts_with("error: no frame for 2 s: the daemon has ended"), "{stderr}");
+    snapshot!(stderr.lines().next().unwrap());
 }
 
 #[test]
@@ -165,7 +165,7 @@ fn a_root_of_shared_memory_that_cannot_be_created_is_explained_in_words() {
     });
     let stderr = text(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{stderr}");
-    assert!(stderr.contains(&format!("cannot use shared memory with the folder `{root}`")), "{stderr}");
+    assert!(stderr.contains(&format!("`{root}`")), "{stderr}");
     assert!(stderr.contains("\nhint: "), "{stderr}");
     for name in ["Error", "Failure", "Insufficient", "InternalError"] {
         assert!(!stderr.contains(name), "a name of iceoryx2: {stderr}");
