@@ -37,7 +37,7 @@ mod tests {
         let taken = FoxgloveServer::open(free, 1).unwrap();
         let error = open_server(FoxgloveConfig { address: taken.address(), ..free }, 1).err().unwrap();
         let text = crate::exit::chain_text(&error);
-        assert!(text.starts_with("error: cannot serve Foxglove on `127.0.0.1:"), "{text}");
-        assert!(text.contains("\nhint: choose another port"), "{text}");
+        assert!(text.contains(&format!("Foxglove on `{}`", taken.address())), "{text}");
+        assert!(text.contains("\nhint: "), "{text}");
     }
 }
