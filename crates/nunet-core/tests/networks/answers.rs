@@ -1,9 +1,12 @@
 //! Fused and staged, plain and connected, one to three components.
 
-use nunet_core::graph::{GraphInput, GraphOptions, GraphOutputs, Quality, SerialGraph};
+use nunet_core::graph::{
+    GraphError, GraphInput, GraphOptions, GraphOutputs, Quality, SerialGraph, WiringError,
+};
+use nunet_core::hint_of;
 use nunet_testkit::models;
 
-use crate::{Folder, SIZE, image, options, pixels, refusal, run, runtime, ticking};
+use crate::{Folder, SIZE, error_of, image, options, pixels, run, runtime, ticking, wiring_error};
 
 const TWO_STAGES: &str = r#"
 version = 1
@@ -185,39 +188,45 @@ fn every_can_be_set_from_outside_for_stages_that_exist() {
     };
     let graph = load(&[("segmentation".to_owned(), 3)]).unwrap();
     assert_eq!(graph.stages().iter().map(|stage| stage.every).collect::<Vec<_>>(), [3, 1]);
-    let message = refusal(load(&[("segmantation".to_owned(), 3)]));
-    let expected = "no stage is named `segmantation`; the stages are `segmentation`, `depth`\nhint: ";
-    assert!(message.starts_with(expected), "{message}");
-    let twice = [("segmentation".to_owned(), 3), ("segmentation".to_owned(), 2)];
-    let message = refusal(load(&twice));
-    assert!(
-        message.starts_with("`every` is given twice for stage `segmentation`: 3 and 2\nhint: "),
-        "{message}"
+    let error = error_of(load(&[("segmantation".to_owned(), 3)]));
+    let is_unknown = matches!(
+        &error,
+        GraphError::UnknownStage { stage, stages }
+            if stage == "segmantation" && stages == "`segmentation`, `depth`"
     );
-    let message = refusal(load(&[("depth".to_owned(), 2)]));
-    assert!(message.contains("stage `depth` has `every = 2`, but computes the depth"), "{message}");
+    assert!(is_unknown && hint_of(&error).is_some(), "{error}");
+    let twice = [("segmentation".to_owned(), 3), ("segmentation".to_owned(), 2)];
+    let error = error_of(load(&twice));
+    let is_twice = matches!(
+        &error,
+        GraphError::EveryTwice { stage, first: 3, second: 2 } if stage == "segmentation"
+    );
+    assert!(is_twice && hint_of(&error).is_some(), "{error}");
+    let skipped = WiringError::DepthSkipped { role: "depth", stage: "depth".into(), every: 2 };
+    assert_eq!(wiring_error(error_of(load(&[("depth".to_owned(), 2)]))), skipped);
 }
 
 #[test]
 fn stages_of_mixed_sizes_are_refused_with_both_sides() {
     let folder = two_stages(false).model("depth.onnx", &models::depth_stage((12, 6), false));
-    let message = refusal(folder.load("graph.toml"));
-    assert!(
-        message.contains(
-            "stage `depth` expects `features` of float32 [1, 3, 6, 12], but `logits` of stage `segmentation` is \
-             float32 [1, 3, 3, 6]\nhint: "
-        ),
-        "{message}"
-    );
+    let mismatch = WiringError::Mismatch {
+        stage: "depth".into(),
+        input: "features".into(),
+        expected: "float32 [1, 3, 6, 12]".into(),
+        from: "segmentation".into(),
+        tensor: "logits".into(),
+        given: "float32 [1, 3, 3, 6]".into(),
+    };
+    assert!(hint_of(&mismatch).is_some());
+    assert_eq!(wiring_error(error_of(folder.load("graph.toml"))), mismatch);
     let folder = two_stages(true).model("depth.onnx", &models::depth_stage((12, 6), true));
-    let message = refusal(folder.load("graph.toml"));
-    assert!(
-        message.contains(
-            "stage `depth` takes an image of uint8 [1, 6, 12, 3], but stage `segmentation` takes one of uint8 \
-             [1, 3, 6, 3]"
-        ),
-        "{message}"
-    );
+    let differ = WiringError::ImagesDiffer {
+        first: "segmentation".into(),
+        first_kind: "uint8 [1, 3, 6, 3]".into(),
+        stage: "depth".into(),
+        kind: "uint8 [1, 6, 12, 3]".into(),
+    };
+    assert_eq!(wiring_error(error_of(folder.load("graph.toml"))), differ);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Where a run reads and writes: the caller's memory, at any alignment, and nowhere else.
 
-use nunet_core::graph::{GraphInput, GraphOutputs, SerialGraph};
+use nunet_core::graph::{GraphError, GraphInput, GraphOutputs, SerialGraph};
 use nunet_testkit::models;
 use nunet_testkit::onnx::{ModelBuilder, OnnxElement};
 
@@ -105,7 +105,7 @@ fn labels_cannot_be_requested_from_a_graph_without_labels() {
     let (mut depth, mut labels) = ([0.0; 18], [0; 18]);
     let outputs = GraphOutputs { depth: &mut depth, labels: Some(&mut labels), confidence: None };
     let error = graph.run(GraphInput::Rgb(&image(SIZE)), outputs, &ticking()).unwrap_err();
-    assert_eq!(error.to_string(), "the graph has no labels");
+    assert!(matches!(error, GraphError::NoLabels), "{error}");
 }
 
 /// Depth of an operator that only renames memory must be written into the caller's memory too.
@@ -146,5 +146,5 @@ fn a_model_whose_output_differs_from_its_signature_is_refused() {
     let mut depth = [0.0; 18];
     let outputs = GraphOutputs { depth: &mut depth, labels: None, confidence: None };
     let error = graph.run(GraphInput::Rgb(&image(SIZE)), outputs, &ticking()).unwrap_err();
-    assert!(error.to_string().starts_with("stage `network` failed: "), "{error}");
+    assert!(matches!(&error, GraphError::Run { stage, .. } if stage == "network"), "{error}");
 }

@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use nunet_core::graph::{GraphOptions, Provider, Runtime, RuntimeError, SerialGraph};
+use nunet_core::graph::{GraphError, GraphOptions, Provider, Runtime, RuntimeError, SerialGraph};
+use nunet_core::hint_of;
 use nunet_testkit::models;
 
-use crate::{Folder, SIZE, chain, options, refusal, runtime};
+use crate::{Folder, SIZE, chain, error_of, options, runtime};
 
 /// A shared library of one C file, made by the C compiler that the project assumes.
 fn shared_library(folder: &Folder, name: &str, source: &str) -> PathBuf {
@@ -33,8 +34,9 @@ fn the_library_has_a_version_and_a_path() {
 
 #[test]
 fn a_missing_library_is_an_error() {
-    let error = load_error(Path::new("/nowhere/libonnxruntime.so"));
-    assert_eq!(error.to_string(), "no ONNX Runtime at `/nowhere/libonnxruntime.so`");
+    let nowhere = Path::new("/nowhere/libonnxruntime.so");
+    let error = load_error(nowhere);
+    assert!(matches!(&error, RuntimeError::Missing { library, .. } if library == nowhere), "{error}");
 }
 
 #[test]
@@ -42,7 +44,6 @@ fn a_text_file_is_an_error() {
     let folder = Folder::new().text("libonnxruntime.so", "this is not a library\n");
     let error = load_error(&folder.path("libonnxruntime.so"));
     assert!(matches!(error, RuntimeError::NotALibrary { .. }), "{error}");
-    assert!(error.to_string().contains("` as a shared library: "), "{error}");
 }
 
 #[test]
@@ -60,7 +61,7 @@ fn another_shared_library_is_an_error() {
     let folder = Folder::new();
     let library = shared_library(&folder, "other", "int answer(void) { return 42; }");
     let error = load_error(&library);
-    assert!(error.to_string().ends_with("is not ONNX Runtime: it has no `OrtGetApiBase`"), "{error}");
+    assert!(matches!(error, RuntimeError::NotOnnxRuntime { .. }), "{error}");
 }
 
 #[test]
@@ -81,7 +82,8 @@ fn a_library_that_is_too_old_is_an_error_with_both_versions() {
         const void *OrtGetApiBase(void) { return &base; }
     "#;
     let error = load_error(&shared_library(&folder, "old", source));
-    assert!(error.to_string().ends_with("is ONNX Runtime 1.17.3, expected 1.24 or newer"), "{error}");
+    let is_old = matches!(&error, RuntimeError::TooOld { version, minimum: 24, .. } if version == "1.17.3");
+    assert!(is_old, "{error}");
 }
 
 #[test]
@@ -100,9 +102,9 @@ fn providers_that_the_library_does_not_have_are_errors() {
     let folder = Folder::new().model("unet.onnx", &models::unet(SIZE));
     for provider in [Provider::OpenVino, Provider::Cuda, Provider::TensorRt] {
         let options = GraphOptions { provider, ..options() };
-        let message = refusal(SerialGraph::load(&folder.path("unet.onnx"), &runtime(), &options));
-        assert!(message.starts_with(&format!("provider `{provider}` is not available: ")), "{message}");
-        assert!(message.contains("\nhint: "), "{message}");
+        let error = error_of(SerialGraph::load(&folder.path("unet.onnx"), &runtime(), &options));
+        let is_of_it = matches!(&error, GraphError::Provider { provider: named, .. } if *named == provider);
+        assert!(is_of_it && hint_of(&error).is_some(), "{error}");
     }
 }
 
@@ -118,7 +120,7 @@ fn providers_are_named_as_on_the_command_line() {
         assert_eq!(provider.name().parse::<Provider>().unwrap(), provider);
     }
     let error = "gpu".parse::<Provider>().unwrap_err();
-    assert!(chain(&error).contains("one of auto, cpu"), "{}", chain(&error));
+    assert!(chain(&error).contains(" auto, cpu"), "{}", chain(&error));
 }
 
 #[test]
