@@ -1,4 +1,5 @@
-"""From the send to a numpy view in another process, with the reader asleep: `python benches/python_hop.py [FRAMES]`.
+"""From the send to a numpy view in another process, with the reader asleep:
+`python benches/python_hop.py [FRAMES]`.
 
 Nothing is copied, so size should not matter. Run it with a release build of nunet_py on an idle machine.
 """
@@ -55,7 +56,9 @@ def hop(size: tuple[int, int], count: int) -> tuple[np.ndarray, int]:
     width, height = size
     camera = f"bench-py-{os.getpid()}-{width}"
     with nunet.publisher(camera, size, encoding="mono8") as publisher:
-        reader = multiprocessing.get_context("spawn").Process(target=read, args=(camera, count + WARM_UP, theirs))
+        reader = multiprocessing.get_context("spawn").Process(
+            target=read, args=(camera, count + WARM_UP, theirs)
+        )
         reader.start()
         answer = ours.recv()
         while not isinstance(answer, tuple):
@@ -79,13 +82,19 @@ def processor() -> str:
 
 def main(count: int) -> None:
     """Print a table."""
-    print(f"{datetime.date.today()}, {os.cpu_count()} cores of {processor()}, Python {platform.python_version()}")
+    print(
+        f"{datetime.date.today()}, {os.cpu_count()} cores of {processor()}, "
+        f"Python {platform.python_version()}"
+    )
     print(f"from the send to a numpy view, microseconds, {count} frames\n")
     print("| map | p50 | p99 | bytes copied |")
     print("|---|---|---|---|")
     for name, size in SIZES.items():
         micros, copied = hop(size, count)
-        print(f"| {name} | {np.percentile(micros, 50):.1f} | {np.percentile(micros, 99):.1f} | {copied} |", flush=True)
+        print(
+            f"| {name} | {np.percentile(micros, 50):.1f} | {np.percentile(micros, 99):.1f} | {copied} |",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 """What `Model.infer` costs beside the network: `python benches/python_infer.py [MODEL] [RUNS]`.
 
-Each round infers one image and runs the same file in ONNX Runtime's own Python package, so that both see the same
-disturbances. `around` is the time of the call, as Python sees it, less the network's own time of the same call: checks,
-preprocessing, decoding, the results' memory and the interpreter.
+Each round infers one image and runs the same file in ONNX Runtime's own Python package, so that both see the
+same disturbances. `around` is the time of the call, as Python sees it, less the network's own time of the
+same call: checks, preprocessing, decoding, the results' memory and the interpreter.
 """
 
 import statistics
@@ -44,7 +44,12 @@ def main(name: str = "wnet_c.onnx", runs: int = 100) -> None:
         network.append(own)
         around.append(took - own)
         bare.append(other)
-    for label, values in [("infer", whole), ("network", network), ("around", around), ("onnxruntime.run", bare)]:
+    for label, values in [
+        ("infer", whole),
+        ("network", network),
+        ("around", around),
+        ("onnxruntime.run", bare),
+    ]:
         print(f"{label:16} median {statistics.median(values):8.3f} ms, lowest {min(values):8.3f} ms")
     print(f"around / network {100 * statistics.median(around) / statistics.median(network):.2f} %")
 

@@ -27,7 +27,8 @@ WARM_UP = 15
 TIMEOUT_S = 120.0
 # The stages of nunetd itself; all others are those of the model.
 OWN_STAGES = {
-    "queue", "preprocess", "decode", "decimation", "spatial", "temporal", "holes", "cloud", "obstacles", "publish",
+    "queue", "preprocess", "decode", "decimation", "spatial", "temporal", "holes", "cloud", "obstacles",
+    "publish",
 }  # fmt: skip
 
 
@@ -67,8 +68,8 @@ def main(model: str, frames: int) -> None:
     with tempfile.TemporaryDirectory() as folder:
         stats = Path(folder) / "stats.json"
         command = [
-            conftest.nunetd(), "-q", "run", "--source", f"ros2:{TOPIC}", "--camera", "latency", "--model", model,
-            "--ros2", "dds", "--ros2-topics", "depth/image_raw", "--stats-json", str(stats),
+            conftest.nunetd(), "-q", "run", "--source", f"ros2:{TOPIC}", "--camera", "latency",
+            "--model", model, "--ros2", "dds", "--ros2-topics", "depth/image_raw", "--stats-json", str(stats),
         ]  # fmt: skip
         process = subprocess.Popen(command, stdin=subprocess.DEVNULL)
         try:

@@ -1,7 +1,8 @@
 """What clients of the live view cost: their frames per second, nunetd's processor time, and its latency.
 
-Needs only Python, and `NUNETD` naming a release build: `python benches/view_clients.py [MODEL] [ROUNDS]`. Each
-round runs nunetd without clients, with one that receives 640x480, and with a second one that never reads.
+Needs only Python, and `NUNETD` naming a release build: `python benches/view_clients.py [MODEL] [ROUNDS]`.
+Each round runs nunetd without clients, with one that receives 640x480, and with a second one that never
+reads.
 """
 
 import base64
@@ -83,8 +84,8 @@ def run(model: str, reading: int, stalled: int) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as folder:
         stats, log = Path(folder) / "stats.json", Path(folder) / "log"
         command = [
-            os.environ["NUNETD"], "run", "--source", str(ROOT / "models/clip/rgb"), "--loop", "--rate", str(RATE_HZ),
-            "--frames", str(FRAMES), "--camera", "bench", "--model", model,
+            os.environ["NUNETD"], "run", "--source", str(ROOT / "models/clip/rgb"), "--loop",
+            "--rate", str(RATE_HZ), "--frames", str(FRAMES), "--camera", "bench", "--model", model,
             "--view", "127.0.0.1:0", "--stats-json", str(stats),
         ]  # fmt: skip
         with log.open("w") as stderr:

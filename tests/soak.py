@@ -3,11 +3,12 @@
 
     python3 tests/soak.py --minutes 30 --nunetd target/release/nunetd --csv soak.csv
 
-Images go through shared memory to `nunetd`, which records them. One reader is permanent; others start, and end by
-themselves, on a signal, or are killed. Each interval is a line of the CSV: memory, descriptors and threads of daemon
-and feeder, their files in /dev/shm, frames, and the age of frames in the permanent reader. The test fails with exit
-code 1 and a reason if memory, shared memory, descriptors, threads or the largest age of frames grew after the warm-up,
-if an interval had no frame, if the frame counts do not balance, or if files are left.
+Images go through shared memory to `nunetd`, which records them. One reader is permanent; others start, and
+end by themselves, on a signal, or are killed. Each interval is a line of the CSV: memory, descriptors and
+threads of daemon and feeder, their files in /dev/shm, frames, and the age of frames in the permanent reader.
+The test fails with exit code 1 and a reason if memory, shared memory, descriptors, threads or the largest age
+of frames grew after the warm-up, if an interval had no frame, if the frame counts do not balance, or if files
+are left.
 
 Its processes use a private iceoryx2 root, so the shared memory of other programs is not counted.
 
@@ -58,9 +59,13 @@ def arguments():
     parser.add_argument("--rate", type=float, default=5, help="frames a second")
     parser.add_argument("--interval", type=float, default=10, help="seconds between two lines")
     parser.add_argument("--warm-up", type=float, default=60, help="seconds whose lines do not count")
-    parser.add_argument("--drift-mb", type=float, default=6, help="the most that a process' own memory may grow")
+    parser.add_argument(
+        "--drift-mb", type=float, default=6, help="the most that a process' own memory may grow"
+    )
     parser.add_argument("--drift-shm-mb", type=float, default=1, help="the most that shared memory may grow")
-    parser.add_argument("--drift-age-ms", type=float, default=100, help="the most that the 99th percentile may rise")
+    parser.add_argument(
+        "--drift-age-ms", type=float, default=100, help="the most that the 99th percentile may rise"
+    )
     parser.add_argument("--nunetd", default=os.environ.get("NUNETD", str(ROOT / "target/release/nunetd")))
     parser.add_argument("--model", default=str(ROOT / "models/tiny/tiny_wnet_c.onnx"))
     parser.add_argument("--images", default=str(ROOT / "models/clip/rgb"))
@@ -214,7 +219,11 @@ class Soak:
 
     def ended(self):
         """The processes that have ended."""
-        all_of_them = {"the feeder": self.feeder, "the daemon": self.daemon, "the reader": self.reader.process}
+        all_of_them = {
+            "the feeder": self.feeder,
+            "the daemon": self.daemon,
+            "the reader": self.reader.process,
+        }
         return ", ".join(name for name, process in all_of_them.items() if process.poll() is not None)
 
     def stop(self):
@@ -260,7 +269,11 @@ def count_problems(path):
     frames = json.loads(path.read_text())["frames"]
     print(f"frames: {frames}")
     ended = frames["published"] + frames["superseded"] + frames["failed"] + frames["in_flight"]
-    problems = [] if frames["captured"] == ended else [f"{frames['captured']} frames captured, {ended} accounted for"]
+    problems = (
+        []
+        if frames["captured"] == ended
+        else [f"{frames['captured']} frames captured, {ended} accounted for"]
+    )
     if frames["in_flight"] or frames["failed"]:
         problems.append(f"{frames['in_flight']} frames are unfinished, {frames['failed']} failed")
     return problems if frames["published"] else [*problems, "no frame was published"]

@@ -2,9 +2,9 @@
 """Fetch one pinned file from the configured package index, with the standard library alone.
 
 The index, its certificate and proxy are the ones pip would use: `PIP_*` variables, then `UV_DEFAULT_INDEX` or
-`UV_INDEX_URL`, then pip's configuration files, then the public index. Nothing is trusted but the SHA-256: a mirror
-may serve the file, it cannot change it. The result appears in one rename, so an interrupted run leaves no half file;
-what was downloaded stays beside it as `*.part` and the next run continues there.
+`UV_INDEX_URL`, then pip's configuration files, then the public index. Nothing is trusted but the SHA-256: a
+mirror may serve the file, it cannot change it. The result appears in one rename, so an interrupted run leaves
+no half file; what was downloaded stays beside it as `*.part` and the next run continues there.
 
     fetch_wheel.py --project onnxruntime --file NAME.whl --sha256 HEX --to PATH [--member NAME/IN/WHEEL]
 """
@@ -106,7 +106,9 @@ def opener(chosen):
     try:
         context = ssl.create_default_context(**where)
     except OSError as error:
-        raise FetchError(f"cannot read the certificates in `{chosen.cert}`: {error}", "see PIP_CERT") from error
+        raise FetchError(
+            f"cannot read the certificates in `{chosen.cert}`: {error}", "see PIP_CERT"
+        ) from error
     handlers = [urllib.request.HTTPSHandler(context=context)]
     if chosen.proxy:
         handlers.append(urllib.request.ProxyHandler({"http": chosen.proxy, "https": chosen.proxy}))
@@ -132,7 +134,9 @@ def credentials(url):
 
 
 def request(url, login, headers):
-    """A request that carries its login as a header: urllib takes `user:password@` for a part of the host's name."""
+    """A request that carries its login as a header:
+    urllib takes `user:password@` for a part of the host's name.
+    """
     made = urllib.request.Request(redacted(url), headers={"User-Agent": "nunet-xtask", **headers})
     if login:
         token = base64.b64encode(":".join(login).encode()).decode()
@@ -191,7 +195,9 @@ def link_name(link):
 
 
 def locate(open_url, index, project, file):
-    """The address of `file` in one index, with the login it needs, or None where the index does not have it."""
+    """The address of `file` in one index, with the login it needs,
+    or None where the index does not have it.
+    """
     url = f"{index.rstrip('/')}/{re.sub('[-_.]+', '-', project).lower()}/"
     login = credentials(url)
 
@@ -212,7 +218,9 @@ def locate(open_url, index, project, file):
     return (found, login if same_host else credentials(found)) if found else None
 
 
-INDEX_HINT = "set the package index with PIP_INDEX_URL, its certificate with PIP_CERT, a proxy with HTTPS_PROXY"
+INDEX_HINT = (
+    "set the package index with PIP_INDEX_URL, its certificate with PIP_CERT, a proxy with HTTPS_PROXY"
+)
 
 
 def download(open_url, url, login, part):
@@ -252,7 +260,11 @@ def sha256_of(path):
 def local_copy(find_links, file, sha256):
     """The file in one of the folders of `find-links`, if it is the pinned one."""
     for link in find_links:
-        folder = urllib.request.url2pathname(urllib.parse.urlsplit(link).path) if link.startswith("file:") else link
+        folder = (
+            urllib.request.url2pathname(urllib.parse.urlsplit(link).path)
+            if link.startswith("file:")
+            else link
+        )
         candidate = Path(folder) / file
         if candidate.is_file() and sha256_of(candidate) == sha256:
             return candidate
@@ -280,7 +292,9 @@ def fetch(chosen, project, file, sha256, part):
             f"`{file}` from `{redacted(found[0])}` has SHA-256 `{got}`, expected `{sha256}`",
             "run again; if it stays so, the index serves another file than the pinned one",
         )
-    places = ", ".join(f"`{redacted(place)}`" for place in [*chosen.find_links, *chosen.indexes]) or "no index"
+    places = (
+        ", ".join(f"`{redacted(place)}`" for place in [*chosen.find_links, *chosen.indexes]) or "no index"
+    )
     raise FetchError(f"`{file}` of project `{project}` is not in {places}", INDEX_HINT)
 
 

@@ -1,7 +1,7 @@
 """The nearest obstacle in front of a robot: `python nearest_obstacle.py IMAGE`.
 
-Searches a corridor of the robot's own size straight ahead, without the floor. If too much of the corridor has no depth,
-the answer is `unknown`: space that was not seen is not free.
+Searches a corridor of the robot's own size straight ahead, without the floor. If too much of the corridor has
+no depth, the answer is `unknown`: space that was not seen is not free.
 """
 
 import argparse
@@ -25,7 +25,10 @@ def describe(cloud: nunet.Cloud, class_names: Sequence[str], camera: nunet.Camer
     """Find the nearest point of the cloud in the corridor that is not ground."""
     x, y, z = np.moveaxis(cloud.points, -1, 0)  # meters: right, down, forward
     row, column = np.indices(z.shape)
-    right, down = LOOK_AHEAD_M * (column - camera.cx) / camera.fx, LOOK_AHEAD_M * (row - camera.cy) / camera.fy
+    right, down = (
+        LOOK_AHEAD_M * (column - camera.cx) / camera.fx,
+        LOOK_AHEAD_M * (row - camera.cy) / camera.fy,
+    )
     in_corridor = (np.abs(right) < HALF_WIDTH_M) & (down > TOP_M) & (down < BOTTOM_M)
     unseen = np.count_nonzero(in_corridor & np.isnan(z))
     if unseen >= max(1, UNSEEN_PERCENT / 100 * np.count_nonzero(in_corridor)) or not in_corridor.any():

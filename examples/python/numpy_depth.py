@@ -1,7 +1,7 @@
 """Depth of one image as a numpy array: `python numpy_depth.py IMAGE [FOLDER]`.
 
-Prints the range of depth and the share of each class, and writes all results into FOLDER: `depth.npy` (float32, meters,
-NaN where there is no depth), `depth.png` (colors), `cloud.ply` and others.
+Prints the range of depth and the share of each class, and writes all results into FOLDER: `depth.npy`
+(float32, meters, NaN where there is no depth), `depth.png` (colors), `cloud.ply` and others.
 """
 
 import argparse

@@ -1,7 +1,7 @@
 """Publish the images of a webcam with OpenCV: `publish_webcam.py CAMERA [DEVICE [FRAMES]]`.
 
-In another terminal: `nunetd --source shm:CAMERA --camera CAMERA`. OpenCV writes directly into shared memory, without
-another copy. Needs the package `opencv-python`.
+In another terminal: `nunetd --source shm:CAMERA --camera CAMERA`. OpenCV writes directly into shared memory,
+without another copy. Needs the package `opencv-python`.
 """
 
 from __future__ import annotations

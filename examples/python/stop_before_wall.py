@@ -1,6 +1,7 @@
 """A speed that stops the robot before the nearest obstacle ahead, as reported by a running nunetd.
 
-Run `nunetd --source /dev/video0 --camera front --mount 0.1,0,0.25,0,-0.07,0`, then `python stop_before_wall.py front`.
+Run `nunetd --source /dev/video0 --camera front --mount 0.1,0,0.25,0,-0.07,0`, then
+`python stop_before_wall.py front`.
 """
 
 import argparse

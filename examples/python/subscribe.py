@@ -1,7 +1,7 @@
 """Read depth from a running nunetd: `subscribe.py CAMERA [FRAMES]`.
 
-Prints the number, the age and the depth at the center of each frame. Nothing is copied: `frame.depth` is the memory
-that the network wrote.
+Prints the number, the age and the depth at the center of each frame. Nothing is copied: `frame.depth` is the
+memory that the network wrote.
 """
 
 from __future__ import annotations

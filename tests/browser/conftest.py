@@ -76,7 +76,9 @@ def confident_view(tmp_path: Path) -> Iterator[View]:
 
 @pytest.fixture
 def wide_view(tmp_path: Path) -> Iterator[View]:
-    """nunetd on an image that is wider than the network's: depth covers its middle, and the rest is magenta."""
+    """nunetd on an image that is wider than the network's:
+    depth covers its middle, and the rest is magenta.
+    """
     folder = tmp_path / "wide"
     folder.mkdir()
     image = PIL.Image.new("RGB", (960, 480), (255, 0, 255))
@@ -129,13 +131,18 @@ def browser() -> Iterator[Browser]:
 
 
 def wait_until(page: Page, expression: str, argument: object = None) -> None:
-    """Waits until an expression of the page is true. Playwright's own function needs `eval`, which the page forbids."""
+    """Waits until an expression of the page is true.
+
+    Playwright's own function needs `eval`, which the page forbids.
+    """
     end = time.monotonic() + TIMEOUT_S
     while time.monotonic() < end:
         if page.evaluate(expression, argument):
             return
         page.wait_for_timeout(50)
-    raise AssertionError(f"still false after {TIMEOUT_S} s: {expression}; the page says {page.inner_text('#state')}")
+    raise AssertionError(
+        f"still false after {TIMEOUT_S} s: {expression}; the page says {page.inner_text('#state')}"
+    )
 
 
 class Watched:

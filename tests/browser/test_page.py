@@ -18,7 +18,8 @@ window.frameBytes = [];
 window.WebSocket = class extends WebSocket {
   constructor(...address) {
     super(...address);
-    this.addEventListener("message", ({ data }) => data.byteLength && window.frameBytes.push(data.byteLength));
+    this.addEventListener(
+      "message", ({ data }) => data.byteLength && window.frameBytes.push(data.byteLength));
   }
   send(request) {
     window.asked ??= performance.now();
@@ -75,7 +76,9 @@ def test_everything_is_shown_without_errors(
 
 
 def test_the_readout_is_the_depth_of_depth_npy(browser: Browser, view: View) -> None:
-    """At some pixels, the number under the pointer is the value in the file; also by keyboard, and while paused."""
+    """At some pixels, the number under the pointer is the value in the file;
+    also by keyboard, and while paused.
+    """
     page = browser.new_page(viewport={"width": 1280, "height": 900})
     watched = Watched(page)
     watched.open(view.url)
@@ -84,7 +87,9 @@ def test_the_readout_is_the_depth_of_depth_npy(browser: Browser, view: View) -> 
     for u, v in [(0.1, 0.1), (0.5, 0.5), (0.83, 0.4), (0.3, 0.9)]:
         page.mouse.move(box["x"] + u * box["width"], box["y"] + v * box["height"])
         expected_x = int(u * 640)
-        wait_until(page, "x => Math.abs(Number(document.getElementById('readout').dataset.x) - x) < 3", expected_x)
+        wait_until(
+            page, "x => Math.abs(Number(document.getElementById('readout').dataset.x) - x) < 3", expected_x
+        )
         found.append(page.evaluate("({...document.getElementById('readout').dataset})"))
     page.click("#pause")
     page.focus("#image")
@@ -107,7 +112,9 @@ def test_the_readout_is_the_depth_of_depth_npy(browser: Browser, view: View) -> 
 def test_the_readout_and_the_cloud_know_the_part_of_the_image_that_depth_covers(
     browser: Browser, wide_view: View
 ) -> None:
-    """A point of the image reads the depth behind it, and no point of the cloud has a color from beside it."""
+    """A point of the image reads the depth behind it,
+    and no point of the cloud has a color from beside it.
+    """
     page = browser.new_page(viewport={"width": 1280, "height": 900})
     watched = Watched(page)
     watched.open(wide_view.url)
@@ -247,7 +254,9 @@ def test_the_page_comes_back_after_the_daemon_is_gone(browser: Browser, view: Vi
 
 
 def test_the_default_rate_suits_a_phone(browser: Browser, view: View) -> None:
-    """At most 3 Mbit/s on average since the page asked for frames, and three frames more because of jitter."""
+    """At most 3 Mbit/s on average since the page asked for frames,
+    and three frames more because of jitter.
+    """
     page = browser.new_page(viewport={"width": 390, "height": 844})
     page.add_init_script(COUNT_BYTES)
     watched = Watched(page)
@@ -276,7 +285,8 @@ def test_the_video_is_shown_by_an_image_element(browser: Browser, view: View) ->
     page = browser.new_page()
     page.goto(view.url)
     page.evaluate(
-        "url => { const image = new Image(); image.src = url; image.id = 'video'; document.body.append(image); }",
+        "url => { const image = new Image(); image.src = url; image.id = 'video'; "
+        "document.body.append(image); }",
         f"/{camera}/depth.mjpeg?width=320",
     )
     wait_until(page, "document.getElementById('video').naturalWidth === 320")
@@ -284,7 +294,9 @@ def test_the_video_is_shown_by_an_image_element(browser: Browser, view: View) ->
 
 
 def test_first_paint(browser: Browser, view: View) -> None:
-    """Loaded and painted: the time is printed, and is not held to a limit on a machine that does other work."""
+    """Loaded and painted: the time is printed,
+    and is not held to a limit on a machine that does other work.
+    """
     page = browser.new_page()
     start = time.monotonic()
     page.goto(view.url)

@@ -9,7 +9,8 @@ import subprocess
 
 import pytest
 
-# Before any test imports onnxruntime itself. Only 0 allows telemetry; ONNX Runtime treats an empty value as 0.
+# Before any test imports onnxruntime itself. Only 0 allows telemetry; ONNX Runtime treats an empty value as
+# 0.
 if os.environ.get("ORT_DISABLE_TELEMETRY") != "0":
     os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 

@@ -1,7 +1,7 @@
 """A reader of nunet's shared memory that uses only `nunetd contract --json`.
 
-It knows nothing of the Rust code: names, offsets, types and numbers all come from the JSON, frames through the
-`iceoryx2` package of PyPI.
+It knows nothing of the Rust code: names, offsets, types and numbers all come from the JSON, frames through
+the `iceoryx2` package of PyPI.
 """
 
 import ctypes

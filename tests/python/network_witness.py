@@ -6,9 +6,9 @@ In the new network namespace, a local route makes every address this machine. A 
 answers each question with 127.0.0.1 and a listener on port 443 accepts connections, so that a program gets as
 far as it would with a real network. A raw socket sees all packets, also those to hosts given by number.
 
-Before the programs start, the witness looks up a name and connects to it: a witness that does not see its own packets
-fails. Prints JSON: `control` (what it saw of its own packets), `seen` (what it saw while the programs ran) and
-`codes` (how the programs ended after SIGTERM).
+Before the programs start, the witness looks up a name and connects to it: a witness that does not see its own
+packets fails. Prints JSON: `control` (what it saw of its own packets), `seen` (what it saw while the programs
+ran) and `codes` (how the programs ended after SIGTERM).
 """
 
 import json
@@ -126,7 +126,9 @@ def main():
     seen = watch()
     own = control(seen)
     seen.clear()
-    processes = [subprocess.Popen(command, stdout=sys.stderr, stdin=subprocess.DEVNULL) for command in commands]
+    processes = [
+        subprocess.Popen(command, stdout=sys.stderr, stdin=subprocess.DEVNULL) for command in commands
+    ]
     time.sleep(seconds)
     early = [process.poll() for process in processes]
     for process in processes:

@@ -16,7 +16,8 @@ ROOT = pathlib.Path(__file__).parents[2]
 INCLUDE = ROOT / "crates" / "nunet-c" / "include"
 PROGRAMS = ROOT / "tests" / "c"
 COUNTER = itertools.count()
-# The system libraries that Rust's standard library needs: `cargo rustc -p nunet-c -- --print native-static-libs`.
+# The system libraries that Rust's standard library needs:
+# `cargo rustc -p nunet-c -- --print native-static-libs`.
 SYSTEM = ["-lpthread", "-ldl", "-lm", "-lrt", "-lutil"]
 C = [os.environ.get("CC", "cc"), "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic"]
 CXX = [os.environ.get("CXX", "c++"), "-std=c++17", "-Wall", "-Wextra", "-Werror", "-pedantic"]
@@ -32,8 +33,12 @@ def library(nunetd):
     beside = pathlib.Path(nunetd).resolve().parent
     named = os.environ.get("NUNET_LIBRARY")
     folders = [pathlib.Path(named)] if named else [beside, beside / "deps"]
-    there = [folder for folder in folders if all((folder / f"libnunet.{kind}").exists() for kind in ("a", "so"))]
-    assert there, f"no libnunet.a and libnunet.so in {folders}: run `cargo build -p nunet-c`, or set NUNET_LIBRARY"
+    there = [
+        folder for folder in folders if all((folder / f"libnunet.{kind}").exists() for kind in ("a", "so"))
+    ]
+    assert there, (
+        f"no libnunet.a and libnunet.so in {folders}: run `cargo build -p nunet-c`, or set NUNET_LIBRARY"
+    )
     return max(there, key=lambda folder: (folder / "libnunet.so").stat().st_mtime)
 
 
@@ -111,7 +116,9 @@ def test_c_sees_what_another_reader_sees(build, contract, camera):
     topics = {"depth": 1, "labels": 2, "cloud": 3}
     readers = {topic: Reader(contract, camera, topic) for topic in topics}
     seen = {}
-    with subprocess.Popen([program, camera, "60"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as dump:
+    with subprocess.Popen(
+        [program, camera, "60"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as dump:
         for _ in range(40):
             for topic, number in topics.items():
                 header, payload = readers[topic].next()
@@ -144,7 +151,9 @@ def test_offsets_and_numbers_are_those_of_the_contract(build, contract, tmp_path
         expected.update(constants if enumeration != "wake" else {})
     prints = "\n".join(f'  printf("%lu\\n", (unsigned long){what});' for what in expected)
     source = tmp_path / "offsets.c"
-    source.write_text(f'#include <stdio.h>\n#include "nunet.h"\nint main(void) {{\n{prints}\n  return 0;\n}}\n')
+    source.write_text(
+        f'#include <stdio.h>\n#include "nunet.h"\nint main(void) {{\n{prints}\n  return 0;\n}}\n'
+    )
     found = [int(line) for line in run(build(source)).splitlines()]
     assert dict(zip(expected, found, strict=True)) == expected
     assert len(found) > 80
@@ -204,7 +213,9 @@ def test_another_contract_is_refused_by_name(build):
     )
     command = [build(ROOT / "examples" / "c" / "subscribe.c"), name, "1"]
     done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
-    assert done.returncode == 1 and "speaks version `2`" in done.stderr and "\nhint: " in done.stderr, done.stderr
+    assert done.returncode == 1 and "speaks version `2`" in done.stderr and "\nhint: " in done.stderr, (
+        done.stderr
+    )
     del service
 
 
@@ -273,7 +284,8 @@ def test_cmake_finds_the_package(installed, camera, tmp_path):
 
 def test_cmake_refuses_a_package_of_another_version(installed, tmp_path):
     (tmp_path / "CMakeLists.txt").write_text(
-        "cmake_minimum_required(VERSION 3.16)\nproject(reader LANGUAGES C)\nfind_package(nunet 0.2 REQUIRED)\n"
+        "cmake_minimum_required(VERSION 3.16)\nproject(reader LANGUAGES C)\n"
+        "find_package(nunet 0.2 REQUIRED)\n"
     )
     command = ["cmake", "-S", tmp_path, "-B", tmp_path / "build", f"-DCMAKE_PREFIX_PATH={installed}"]
     done = subprocess.run(command, check=False, capture_output=True, text=True)

@@ -1,7 +1,8 @@
-"""Daemon, feeder and reader are ended at random times by SIGTERM or SIGKILL: frames flow again, and nothing is left.
+"""Daemon, feeder and reader are ended at random times by SIGTERM or SIGKILL: frames flow again, and nothing
+is left.
 
-`NUNET_CRASH_CYCLES=100 NUNETD=target/release/nunetd python -m pytest -s tests/python/test_crashes.py` prints the table
-of recovery times: from the kill to the first frame that another process reads.
+`NUNET_CRASH_CYCLES=100 NUNETD=target/release/nunetd python -m pytest -s tests/python/test_crashes.py` prints
+the table of recovery times: from the kill to the first frame that another process reads.
 """
 
 import collections

@@ -31,7 +31,9 @@ def wheel_bytes():
 
 WHEEL = wheel_bytes()
 SHA256 = hashlib.sha256(WHEEL).hexdigest()
-HTML_PAGE = f'<html><a href="../../files/{FILE}#sha256={SHA256}" data-requires-python="&gt;=3">{FILE}</a></html>'
+HTML_PAGE = (
+    f'<html><a href="../../files/{FILE}#sha256={SHA256}" data-requires-python="&gt;=3">{FILE}</a></html>'
+)
 JSON_PAGE = json.dumps({"files": [{"filename": FILE, "url": f"/files/{FILE}", "hashes": {}}]})
 
 
@@ -97,7 +99,16 @@ def run(tmp_path, monkeypatch):
     monkeypatch.setattr(fetch_wheel.patiently, "__defaults__", (fetch_wheel.TRIES, lambda _: None))
 
     def go(member=MEMBER, sha256=SHA256, **env):
-        argv = ["--project", "Thing", "--file", FILE, "--sha256", sha256, "--to", str(tmp_path / "out" / "lib.so")]
+        argv = [
+            "--project",
+            "Thing",
+            "--file",
+            FILE,
+            "--sha256",
+            sha256,
+            "--to",
+            str(tmp_path / "out" / "lib.so"),
+        ]
         argv += ["--member", member] if member else []
         base = {"HOME": str(tmp_path), "XDG_CONFIG_DIRS": str(tmp_path)}
         return fetch_wheel.main(argv, {**base, **env})
@@ -188,7 +199,9 @@ def settings(tmp_path, **env):
 
 def test_the_index_is_the_one_that_pip_would_take(tmp_path):
     named = tmp_path / "named.conf"
-    named.write_text("[global]\nindex-url = http://file/simple\ncert = /c.pem\n[install]\nextra_index_url = http://e\n")
+    named.write_text(
+        "[global]\nindex-url = http://file/simple\ncert = /c.pem\n[install]\nextra_index_url = http://e\n"
+    )
     from_file = settings(tmp_path, PIP_CONFIG_FILE=str(named))
     assert (from_file.indexes, from_file.cert) == (["http://file/simple", "http://e"], "/c.pem")
     from_uv = settings(tmp_path, PIP_CONFIG_FILE=str(named), UV_DEFAULT_INDEX="mirror=http://uv/simple")

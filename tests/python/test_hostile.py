@@ -1,8 +1,8 @@
 """Truncated and damaged files of every kind, read by the real `nunetd` under limits of memory and time.
 
 It must exit with a code and an error message, never by a signal, and within both limits.
-`NUNET_SWEEP=1000 NUNETD=target/release/nunetd python -m pytest -s tests/python/test_hostile.py` tries a thousand copies
-of each kind and prints how these runs ended.
+`NUNET_SWEEP=1000 NUNETD=target/release/nunetd python -m pytest -s tests/python/test_hostile.py` tries a
+thousand copies of each kind and prints how these runs ended.
 """
 
 import collections
@@ -30,7 +30,8 @@ from test_pipe import y4m
 from test_recordings import image, json_recording, make_bag
 
 COPIES = int(os.environ.get("NUNET_SWEEP") or 8)
-# The largest image that is decoded takes 512 MB, and its results as much; the model test raises its own limit.
+# The largest image that is decoded takes 512 MB, and its results as much; the model test raises its own
+# limit.
 ADDRESS_SPACE = 4 << 30
 PEAK_BYTES = 1500 << 20
 TIMEOUT_S = 60
@@ -159,7 +160,11 @@ class Bench:
             )
             status, usage = wait(process)
             stderr.seek(0)
-            return os.waitstatus_to_exitcode(status), stderr.read().decode(errors="replace"), usage.ru_maxrss << 10
+            return (
+                os.waitstatus_to_exitcode(status),
+                stderr.read().decode(errors="replace"),
+                usage.ru_maxrss << 10,
+            )
 
 
 def runtime_library():
@@ -175,7 +180,10 @@ def limited():
 
 
 def wait(process):
-    """Waits with `wait4`, which returns the memory too. A process that does not end is killed, by a signal."""
+    """Waits with `wait4`, which returns the memory too.
+
+    A process that does not end is killed, by a signal.
+    """
     deadline = time.monotonic() + TIMEOUT_S
     while True:
         pid, status, usage = os.wait4(process.pid, os.WNOHANG)
@@ -307,6 +315,8 @@ def test_small_files_that_ask_for_much_memory_do_not_get_it(nunetd, tmp_path):
     }
     for kind, data in greedy.items():
         code, stderr, peak = bench.try_one(kind, data)
-        assert not list(problems_of(kind, code, stderr, peak)), f"{kind}: {code}, {peak >> 20} MB\n{stderr[:2000]}"
+        assert not list(problems_of(kind, code, stderr, peak)), (
+            f"{kind}: {code}, {peak >> 20} MB\n{stderr[:2000]}"
+        )
         assert code != 0 or kind == "mcap_bomb", kind
         assert peak < 700 << 20, f"{kind}: {peak >> 20} MB for {len(data)} bytes"

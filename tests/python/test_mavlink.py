@@ -45,7 +45,9 @@ def received(connection, kind):
 
 
 def expected(scan):
-    """The distances of a LaserScan, which counts counterclockwise, around the vehicle: clockwise, 0 = forward."""
+    """The distances of a LaserScan, which counts counterclockwise, around the vehicle:
+    clockwise, 0 = forward.
+    """
     max_cm = int(100 * scan.range_max + 0.01)
     half = math.degrees(scan.angle_increment) / 2
     distances = []
@@ -70,7 +72,8 @@ def test_the_ring_of_distances_is_the_scan_of_the_same_frame_the_other_way_aroun
     recording = tmp_path / "drive.mcap"
     with autopilot() as (connection, address):
         subprocess.run(
-            command(nunetd, "ring", "--frames", "3", "--mavlink", address, "--record", str(recording)), check=True
+            command(nunetd, "ring", "--frames", "3", "--mavlink", address, "--record", str(recording)),
+            check=True,
         )
         message = received(connection, "OBSTACLE_DISTANCE")
     with recording.open("rb") as file:

@@ -1,4 +1,6 @@
-"""The parameters of `examples/nav2` are those that Nav2 documents, and its topics those that nunetd records."""
+"""The parameters of `examples/nav2` are those that Nav2 documents,
+and its topics those that nunetd records.
+"""
 
 import os
 import pathlib

@@ -1,7 +1,7 @@
 """nunet opens no connection and asks no name server, as seen in its own network namespace.
 
-ONNX Runtime's wheel tries to reach its vendor about ten seconds after its library is loaded, so the programs run for
-thirty seconds.
+ONNX Runtime's wheel tries to reach its vendor about ten seconds after its library is loaded, so the programs
+run for thirty seconds.
 """
 
 import importlib.util
@@ -46,13 +46,20 @@ def environment(tmp_path):
     library = importlib.util.find_spec("onnxruntime").submodule_search_locations[0]
     (file,) = pathlib.Path(library, "capi").glob("libonnxruntime.so.*")
     kept = {name: value for name, value in os.environ.items() if name != "ORT_DISABLE_TELEMETRY"}
-    return {**kept, "HOME": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path / "cache"), "ORT_DYLIB_PATH": str(file)}
+    return {
+        **kept,
+        "HOME": str(tmp_path),
+        "XDG_CACHE_HOME": str(tmp_path / "cache"),
+        "ORT_DYLIB_PATH": str(file),
+    }
 
 
 def watched(commands, environment):
     """The packets that were sent while the commands ran."""
     command = [*NAMESPACE, sys.executable, str(WITNESS), str(SECONDS), json.dumps(commands)]
-    done = subprocess.run(command, check=False, capture_output=True, text=True, env=environment, timeout=10 * SECONDS)
+    done = subprocess.run(
+        command, check=False, capture_output=True, text=True, env=environment, timeout=10 * SECONDS
+    )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
 
@@ -60,7 +67,10 @@ def watched(commands, environment):
 def test_nunetd_and_a_python_model_send_no_packet(nunetd, environment, tmp_path):
     need_namespace()
     source = ["--source", "demo", "--rate", "5", "--camera", f"pytest-network-{os.getpid()}"]
-    commands = [[nunetd, "-q", "--model", str(MODEL), *source], [sys.executable, "-W", "ignore", "-c", PROGRAM]]
+    commands = [
+        [nunetd, "-q", "--model", str(MODEL), *source],
+        [sys.executable, "-W", "ignore", "-c", PROGRAM],
+    ]
     report = watched(commands, environment)
     control = " ".join(report["control"])
     assert "127.0.0.1:53 for" in control and "192.0.2.7:443" in control, f"the witness is blind: {control}"

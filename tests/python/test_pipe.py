@@ -1,4 +1,6 @@
-"""Images on stdin: those that `ffmpeg` writes, if it is installed, and the same formats written by this test."""
+"""Images on stdin: those that `ffmpeg` writes, if it is installed,
+and the same formats written by this test.
+"""
 
 import io
 import json
@@ -65,7 +67,12 @@ def test_every_jpeg_of_a_stream_is_taken(nunetd, tmp_path):
 @pytest.mark.parametrize("stream", [y4m(), jpegs()], ids=["y4m", "jpegs"])
 def test_a_command_is_a_camera_and_is_started_again(nunetd, tmp_path, stream):
     (tmp_path / "stream").write_bytes(stream)
-    source = ["--source", f"exec:echo end of file >&2; cat {tmp_path / 'stream'}", "--frames", str(FRAMES + 4)]
+    source = [
+        "--source",
+        f"exec:echo end of file >&2; cat {tmp_path / 'stream'}",
+        "--frames",
+        str(FRAMES + 4),
+    ]
     code, stderr, stats = run(nunetd, tmp_path, b"", *source)
     assert code == 0 and stats["frames"]["captured"] >= FRAMES + 4, stderr
     assert "it ended with exit code 0: end of file" in stderr
@@ -73,7 +80,9 @@ def test_a_command_is_a_camera_and_is_started_again(nunetd, tmp_path, stream):
 
 def test_a_command_that_cannot_be_run_is_an_error_with_the_reason(nunetd, tmp_path):
     code, stderr, _ = run(nunetd, tmp_path, b"", "--source", "exec:/nonexistent/program -o -")
-    assert code == 1 and "cannot run command `/nonexistent/program -o -`" in stderr and "hint: " in stderr, stderr
+    assert code == 1 and "cannot run command `/nonexistent/program -o -`" in stderr and "hint: " in stderr, (
+        stderr
+    )
 
 
 @pytest.mark.parametrize(
@@ -92,7 +101,9 @@ def test_a_bad_stream_is_an_error_with_the_reason(nunetd, tmp_path, given, code,
     assert got == code and part in stderr, stderr
 
 
-@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed; the stream by hand is tried above")
+@pytest.mark.skipif(
+    shutil.which("ffmpeg") is None, reason="ffmpeg is not installed; the stream by hand is tried above"
+)
 @pytest.mark.parametrize("pixels", ["yuv420p", "yuv422p", "yuv444p", "gray"])
 def test_ffmpeg_pipes_a_video_in(nunetd, tmp_path, pixels):
     source = ["-f", "lavfi", "-i", "testsrc2=size=322x241:rate=30", "-frames:v", "15", "-pix_fmt", pixels]

@@ -1,6 +1,5 @@
-"""Recordings made by `rosbags` are replayed, and what nunetd writes is read by `mcap`, `mcap-ros2-support` and
-`rosbags`, none of which
-is part of nunet."""
+"""Recordings made by `rosbags` are replayed, and what nunetd writes is read by `mcap`, `mcap-ros2-support`
+and `rosbags`, none of which is part of nunet."""
 
 import contextlib
 import io
@@ -141,7 +140,13 @@ def replayed(nunetd, tmp_path_factory):
 
 def test_every_topic_of_the_profile_is_there_with_every_frame(replayed):
     found = replayed[1]
-    names = ["image_raw/compressed", "camera_info", "depth/image_raw", "depth/camera_info", "labels/image_raw"]
+    names = [
+        "image_raw/compressed",
+        "camera_info",
+        "depth/image_raw",
+        "depth/camera_info",
+        "labels/image_raw",
+    ]
     for name in [*names, "depth/points"]:
         assert len(found[f"/camera/{name}"]) == FRAMES, name
     stamps = [FIRST_NANOS + index * PERIOD_NANOS for index in range(FRAMES)]
@@ -165,7 +170,16 @@ def test_depth_and_labels_are_those_of_infer(nunetd, replayed, tmp_path):
     for index in (0, FRAMES - 1):
         Image.fromarray(image(index)).save(tmp_path / "image.png")
         intrinsics = ["--intrinsics", f"{K[0]},{K[4]},{K[2]},{K[5]}@640x480"]
-        command = [nunetd, "-q", "infer", str(tmp_path / "image.png"), "--out", str(tmp_path), *ONCE, *intrinsics]
+        command = [
+            nunetd,
+            "-q",
+            "infer",
+            str(tmp_path / "image.png"),
+            "--out",
+            str(tmp_path),
+            *ONCE,
+            *intrinsics,
+        ]
         subprocess.run(command, check=True)
         expected = np.load(tmp_path / "depth.npy")
         depth = meters(replayed[1]["/camera/depth/image_raw"][index][1])
@@ -192,7 +206,9 @@ def test_the_cloud_is_depth_back_projected_by_its_own_camera_info(replayed):
     fx, _, cx, _, fy, cy = list(info.k)[:6]
     rays = np.stack([(columns - cx) / fx, (rows - cy) / fy], axis=-1)
     valid = seen
-    np.testing.assert_allclose(points["xyz"][valid][:, :2], (rays * depth[..., None])[valid], rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(
+        points["xyz"][valid][:, :2], (rays * depth[..., None])[valid], rtol=1e-4, atol=1e-5
+    )
 
 
 def test_the_mount_is_a_latched_transform_to_the_optical_frame(replayed):
@@ -286,7 +302,9 @@ def test_eval_measures_a_recordings_own_depth(nunetd, replayed, tmp_path):
             message = ros(name, header=header(nanos), format="png", data=data)
             bag.write(channel, nanos, STORE.serialize_cdr(message, name))
     replay(nunetd, next((tmp_path / "small").glob("*.mcap")), tmp_path / "truth.mcap", "--publish", "depth")
-    ended = subprocess.run([*command[:3], str(tmp_path / "truth.mcap"), *command[4:]], check=True, capture_output=True)
+    ended = subprocess.run(
+        [*command[:3], str(tmp_path / "truth.mcap"), *command[4:]], check=True, capture_output=True
+    )
     found = json.loads(ended.stdout)
     assert (found["pictures"], found["skipped"], found["dataset"]) == (FRAMES, 0, "truth.mcap")
     assert found["metrics"]["rmse"] < 0.001
@@ -300,7 +318,15 @@ def test_a_recording_cut_anywhere_gives_every_image_before_the_cut(nunetd, tmp_p
     for place in [*places, len(whole) - 20]:
         (tmp_path / "cut.mcap").write_bytes(whole[:place])
         expected = images_before_the_end(tmp_path / "cut.mcap")
-        command = [nunetd, "-q", "replay", str(tmp_path / "cut.mcap"), str(tmp_path / "out.mcap"), "--force", *ONCE]
+        command = [
+            nunetd,
+            "-q",
+            "replay",
+            str(tmp_path / "cut.mcap"),
+            str(tmp_path / "out.mcap"),
+            "--force",
+            *ONCE,
+        ]
         done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
         if expected == 0:
             assert done.returncode in {1, 3}, done.stderr
@@ -331,7 +357,9 @@ def depth_times(path):
 
 
 @pytest.mark.parametrize("again", range(3))
-def test_a_recording_whose_daemon_is_killed_has_every_frame_that_was_on_the_disk_before(nunetd, tmp_path, again):
+def test_a_recording_whose_daemon_is_killed_has_every_frame_that_was_on_the_disk_before(
+    nunetd, tmp_path, again
+):
     path = tmp_path / "killed.mcap"
     name = f"pytest-record-{os.getpid()}-{again}"
     source = ["--source", "demo", "--rate", "20", "--publish", "depth"]
@@ -372,7 +400,16 @@ def test_a_whole_run_is_recorded_and_counted(nunetd, tmp_path):
 def test_a_source_that_waits_is_recorded_whole(nunetd, tmp_path):
     bag, name = make_bag(tmp_path / "bag", "png"), f"pytest-waits-{os.getpid()}"
     (tmp_path / "recordings").mkdir()
-    command = [nunetd, *ONCE, "--source", str(bag), "--camera", name, "--record", str(tmp_path / "recordings")]
+    command = [
+        nunetd,
+        *ONCE,
+        "--source",
+        str(bag),
+        "--camera",
+        name,
+        "--record",
+        str(tmp_path / "recordings"),
+    ]
     for _ in range(3):
         done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
         assert done.returncode == 0, done.stderr
@@ -422,7 +459,10 @@ def test_a_recording_with_two_topics_of_images_is_asked_about(nunetd, tmp_path):
     source = ["--source", str(given), "--camera", f"pytest-topics-{os.getpid()}"]
     done = subprocess.run([nunetd, *ONCE, *source], check=False, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2 and topics in done.stderr
-    for topic, frames in [("/left/image_raw/compressed", "1 frame"), ("/right/image_raw/compressed", "2 frames")]:
+    for topic, frames in [
+        ("/left/image_raw/compressed", "1 frame"),
+        ("/right/image_raw/compressed", "2 frames"),
+    ]:
         stdout, _ = replay(nunetd, given, tmp_path / "out.mcap", "--topic", topic, "--force")
         assert stdout.startswith(f"{frames}, 0 lost")
 
@@ -443,7 +483,9 @@ def test_time_that_runs_backwards_in_a_recording_loses_no_image(nunetd, tmp_path
     stats = tmp_path / "stats.json"
     source = ["--source", str(given), "--camera", f"pytest-backwards-{os.getpid()}"]
     record = ["--record", str(tmp_path / "again.mcap"), "--stats-json", str(stats)]
-    done = subprocess.run([nunetd, *ONCE, *source, *record], check=False, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(
+        [nunetd, *ONCE, *source, *record], check=False, capture_output=True, text=True, timeout=60
+    )
     assert done.returncode == 0, done.stderr
     frames = json.loads(stats.read_text())["frames"]
     assert (frames["captured"], frames["published"]) == (FRAMES, FRAMES)
@@ -491,7 +533,11 @@ def test_a_disk_that_fills_up_leaves_a_whole_file_and_never_stops_inference(nune
     assert "120 frames captured" in done.stderr and " 0 failed" in done.stderr
     recorded = int(done.stderr.split("recording: ")[1].split()[0])
     with path.open("rb") as file:
-        read = [c.topic for _, c, _ in NonSeekingReader(file).iter_messages() if c.topic.endswith("depth/image_raw")]
+        read = [
+            c.topic
+            for _, c, _ in NonSeekingReader(file).iter_messages()
+            if c.topic.endswith("depth/image_raw")
+        ]
     assert len(read) == recorded > 0
 
 
@@ -507,7 +553,14 @@ def test_a_bad_recording_is_an_error_with_the_reason(nunetd, tmp_path):
     flipped = bytearray(whole)
     flipped[len(whole) // 3] ^= 0xFF
     code = subprocess.run(
-        [nunetd, "-q", "replay", str(write(tmp_path / "flip.mcap", flipped)), str(tmp_path / "o.mcap"), *ONCE],
+        [
+            nunetd,
+            "-q",
+            "replay",
+            str(write(tmp_path / "flip.mcap", flipped)),
+            str(tmp_path / "o.mcap"),
+            *ONCE,
+        ],
         check=False,
         capture_output=True,
         timeout=60,

@@ -1,6 +1,6 @@
 """The same image gives the same depth, byte for byte, in ONNX Runtime's own Python package, in the files of
-`nunetd infer`, in this process by `nunet_py`, and in shared memory as an independent client and `nunet_py` read it. The
-same sequence does too, also with a recurrent network."""
+`nunetd infer`, in this process by `nunet_py`, and in shared memory as an independent client and `nunet_py`
+read it. The same sequence does too, also with a recurrent network."""
 
 import json
 import os
@@ -80,7 +80,16 @@ def test_points_in_this_process_are_those_of_the_ply_file(nunetd, tmp_path):
     """Of an image that is resized, with a camera that scales its depth."""
     rgb = np.random.default_rng(9).integers(0, 256, (480, 640, 3), np.uint8)
     Image.fromarray(rgb).save(tmp_path / "noise.png")
-    command = [nunetd, "-q", "infer", str(tmp_path / "noise.png"), "--out", str(tmp_path), "--model", str(MODEL)]
+    command = [
+        nunetd,
+        "-q",
+        "infer",
+        str(tmp_path / "noise.png"),
+        "--out",
+        str(tmp_path),
+        "--model",
+        str(MODEL),
+    ]
     subprocess.run([*command, *ONE_THREAD, "--intrinsics", "500,501,320,240@640x480"], check=True)
     camera = nunet.Camera(500, 501, 320, 240, (640, 480))
     result = nunet.Model(MODEL, provider="cpu", threads=1).infer(rgb, camera=camera)
@@ -137,7 +146,15 @@ def sequence(tmp_path_factory):
 
 def run_frames(nunetd, folder, out, frames):
     """The depth of the last of so many frames, as `nunetd run` writes it."""
-    source = ["--source", str(folder), "--loop", "--frames", str(frames), "--camera", f"pytest-sequence-{os.getpid()}"]
+    source = [
+        "--source",
+        str(folder),
+        "--loop",
+        "--frames",
+        str(frames),
+        "--camera",
+        f"pytest-sequence-{os.getpid()}",
+    ]
     command = [nunetd, "-q", "--model", str(RECURRENT), *source, "--out", str(out), *ONE_THREAD]
     subprocess.run(command, check=True)
     return np.load(out / "depth.npy")
@@ -160,7 +177,8 @@ def test_single_images_are_no_sequence(nunetd, sequence, tmp_path):
     folder, depths = sequence
     images = [str(folder / name) for name in ("1.png", "0.png")]
     subprocess.run(
-        [nunetd, "-q", "infer", *images, "--out", str(tmp_path), "--model", str(RECURRENT), *ONE_THREAD], check=True
+        [nunetd, "-q", "infer", *images, "--out", str(tmp_path), "--model", str(RECURRENT), *ONE_THREAD],
+        check=True,
     )
     assert np.load(tmp_path / "0" / "depth.npy").tobytes() == depths[0].tobytes()
     assert np.load(tmp_path / "1" / "depth.npy").tobytes() != depths[1].tobytes(), "it remembers nothing of 0"

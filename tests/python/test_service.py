@@ -43,7 +43,9 @@ def test_ready_comes_after_the_selftest_and_frames_feed_the_watchdog(nunetd, man
     listener, environment = manager
     name = f"pytest-service-{os.getpid()}"
     command = [nunetd, "--model", str(MODEL), "--source", "demo", "--rate", "20", "--camera", name]
-    with subprocess.Popen(command, env={**os.environ, **environment}, stderr=subprocess.PIPE, text=True) as daemon:
+    with subprocess.Popen(
+        command, env={**os.environ, **environment}, stderr=subprocess.PIPE, text=True
+    ) as daemon:
         assert wait_for(listener, "READY=1") == []
         for _ in range(3):
             wait_for(listener, "WATCHDOG=1")
@@ -79,7 +81,9 @@ def damaged_images(folder):
 
 
 @pytest.mark.parametrize("source", [silent_pipe, damaged_images])
-def test_a_source_that_hangs_and_frames_that_never_come_out_do_not_feed_the_watchdog(nunetd, manager, tmp_path, source):
+def test_a_source_that_hangs_and_frames_that_never_come_out_do_not_feed_the_watchdog(
+    nunetd, manager, tmp_path, source
+):
     listener, environment = manager
     name = f"pytest-{source.__name__}-{os.getpid()}"
     command = [nunetd, "-q", "--model", str(MODEL), *source(tmp_path), "--camera", name]
@@ -128,6 +132,9 @@ def test_systemd_takes_the_unit(tmp_path):
     unit = (DIST / "nunetd.service").read_text().replace("/usr/bin/nunetd", "/bin/true")
     (tmp_path / "nunetd.service").write_text(unit)
     done = subprocess.run(
-        ["systemd-analyze", "verify", str(tmp_path / "nunetd.service")], check=False, capture_output=True, text=True
+        ["systemd-analyze", "verify", str(tmp_path / "nunetd.service")],
+        check=False,
+        capture_output=True,
+        text=True,
     )
     assert not [line for line in done.stderr.splitlines() if "nunetd.service" in line], done.stderr

@@ -1,8 +1,8 @@
 """The systemd unit: how it is rated, and nunetd under a real systemd with all of its restrictions.
 
-A systemd of the test's own runs in new PID and mount namespaces, with private `/tmp`, `/run` and `/dev/shm` but the
-cgroups of this machine. That takes root, so this is a job of its own: elsewhere it is skipped with a message, and
-under `CI=true` as root it fails instead.
+A systemd of the test's own runs in new PID and mount namespaces, with private `/tmp`, `/run` and `/dev/shm`
+but the cgroups of this machine. That takes root, so this is a job of its own: elsewhere it is skipped with a
+message, and under `CI=true` as root it fails instead.
 """
 
 import importlib.util
@@ -102,7 +102,9 @@ def machine(tmp_path, nunetd):
     unit, library = adapted(UNIT.read_text())
     (units / "nunetd.service").write_text(unit)
     (units / "watch.service").write_text(WATCH)
-    (units / "default.target").write_text("[Unit]\nDefaultDependencies=no\nWants=nunetd.service watch.service\n")
+    (units / "default.target").write_text(
+        "[Unit]\nDefaultDependencies=no\nWants=nunetd.service watch.service\n"
+    )
     shutil.copy(nunetd, tmp_path / "nunetd")
     shutil.copy(library, tmp_path / library.name)
     shutil.copy(MODEL, tmp_path / "model.onnx")
@@ -112,9 +114,22 @@ def machine(tmp_path, nunetd):
 
 
 def test_nunetd_publishes_and_records_under_the_units_restrictions(machine):
-    command = ["unshare", "--pid", "--fork", "--kill-child", "--mount", "--mount-proc", "--uts", "bash", "-c", BOOT]
+    command = [
+        "unshare",
+        "--pid",
+        "--fork",
+        "--kill-child",
+        "--mount",
+        "--mount-proc",
+        "--uts",
+        "bash",
+        "-c",
+        BOOT,
+    ]
     with (machine / "console").open("w") as console:
-        subprocess.run([*command, "boot", str(machine)], check=False, stdout=console, stderr=console, timeout=SECONDS)
+        subprocess.run(
+            [*command, "boot", str(machine)], check=False, stdout=console, stderr=console, timeout=SECONDS
+        )
     log = (machine / "console").read_text()[-3000:] + (machine / "log").read_text()
     frames = [json.loads(line) for line in (machine / "watch.json").read_text().splitlines()]
     assert len(frames) == 5, log

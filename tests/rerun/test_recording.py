@@ -36,7 +36,9 @@ PER_FRAME = {
 
 @dataclass
 class Opened:
-    """What Rerun reads from a recording: the rows of each component of each entity, in the order of the file."""
+    """What Rerun reads from a recording:
+    the rows of each component of each entity, in the order of the file.
+    """
 
     rows: dict[tuple[str, str], list[pa.Scalar]]
     out: Path
@@ -59,7 +61,9 @@ def opened(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Opened]:
     command += ["--frames", str(FRAMES), "--record", str(folder / "demo.mcap"), "--out", str(folder / "out")]
     command += ["--mount", ",".join(map(str, (*MOUNT, 0, 0, 0)))]
     environment = {**os.environ, "NUNET_IPC_ROOT": str(folder / "ipc"), "ORT_DISABLE_TELEMETRY": "1"}
-    run = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
+    run = subprocess.run(
+        command, env=environment, capture_output=True, text=True, timeout=TIMEOUT_S, check=False
+    )
     assert run.returncode == 0, run.stderr
     rows: dict[tuple[str, str], list[pa.Scalar]] = {}
     for chunk in McapReader(folder / "demo.mcap").stream():
@@ -70,7 +74,9 @@ def opened(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Opened]:
 
 
 def test_every_topic_is_an_entity_with_one_value_per_frame(opened: Opened) -> None:
-    counts = {entity: len(opened.rows.get((entity, component), [])) for entity, component in PER_FRAME.items()}
+    counts = {
+        entity: len(opened.rows.get((entity, component), [])) for entity, component in PER_FRAME.items()
+    }
     assert counts == dict.fromkeys(PER_FRAME, FRAMES)
 
 
@@ -86,15 +92,21 @@ def test_depth_is_an_image_in_meters(opened: Opened) -> None:
     depth_m = np.load(opened.out / "depth.npy")
     (form,) = opened.rows[DEPTH, "DepthImage:format"][-1].as_py()
     assert (form["width"], form["height"]) == depth_m.shape[::-1]
-    assert np.array_equal(opened.last(DEPTH, "DepthImage:buffer", np.float32), depth_m.ravel(), equal_nan=True)
+    assert np.array_equal(
+        opened.last(DEPTH, "DepthImage:buffer", np.float32), depth_m.ravel(), equal_nan=True
+    )
 
 
 def test_the_cloud_is_depth_through_the_pinhole(opened: Opened) -> None:
     depth_m = np.load(opened.out / "depth.npy")
     points = opened.last(CLOUD, "Points3D:positions", np.float32).reshape(-1, 3)
-    fx, _, _, _, fy, _, cx, cy, _ = opened.last("/demo/depth/camera_info", "Pinhole:image_from_camera", np.float32)
+    fx, _, _, _, fy, _, cx, cy, _ = opened.last(
+        "/demo/depth/camera_info", "Pinhole:image_from_camera", np.float32
+    )
     y_px, x_px = np.indices(depth_m.shape)
-    expected = np.stack([(x_px - cx) / fx * depth_m, (y_px - cy) / fy * depth_m, depth_m], axis=-1).reshape(-1, 3)
+    expected = np.stack([(x_px - cx) / fx * depth_m, (y_px - cy) / fy * depth_m, depth_m], axis=-1).reshape(
+        -1, 3
+    )
     valid = np.isfinite(points[:, 2])
     assert valid.any()
     np.testing.assert_allclose(points[valid], expected[valid], rtol=1e-5, atol=1e-5)

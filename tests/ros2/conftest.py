@@ -29,7 +29,9 @@ def enter_own_network() -> None:
     """Moves this process and its children into a network with loopback only: tests reach no other machine."""
     user = 0 if os.geteuid() == 0 else CLONE_NEWUSER
     if ctypes.CDLL(None, use_errno=True).unshare(CLONE_NEWNET | user) != 0:
-        raise OSError(ctypes.get_errno(), "cannot make a network namespace; run as root or allow user namespaces")
+        raise OSError(
+            ctypes.get_errno(), "cannot make a network namespace; run as root or allow user namespaces"
+        )
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
         fcntl.ioctl(any_socket, SIOCSIFFLAGS, struct.pack("16sh14x", b"lo", IFF_UP))
 
@@ -78,7 +80,8 @@ class Daemon:
     def final_counts(self) -> dict[str, int]:
         """Its counts of messages, after it has ended.
 
-        Those in the stats are taken before the last frame has left, because a network that hangs must not delay them.
+        Those in the stats are taken before the last frame has left, because a network that hangs must not
+        delay them.
         """
         pattern = r"ROS 2: (\d+) messages? sent, (\d+) not taken, (\d+) frames? superseded"
         (found,) = re.findall(pattern, self.log.read_text())

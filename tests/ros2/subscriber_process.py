@@ -19,7 +19,10 @@ rclpy.spin(node)
 
 @contextlib.contextmanager
 def subscriber(topic: str) -> Iterator[subprocess.Popen]:
-    """Prints `received` for each message. It is killed at the end, and after five minutes: a test that waits fails."""
+    """Prints `received` for each message.
+
+    It is killed at the end, and after five minutes: a test that waits fails.
+    """
     process = subprocess.Popen([sys.executable, "-c", SUBSCRIBER, topic], stdout=subprocess.PIPE, text=True)
     late = threading.Timer(TIMEOUT_S, process.kill)
     late.start()

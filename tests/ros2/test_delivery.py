@@ -39,7 +39,9 @@ def test_all_of_300_vga_frames_that_are_sent_arrive(start: object, receiver: Rec
     print(f"median period {np.median(gaps) * 1e3:.1f} ms, longest {gaps.max() * 1e3:.1f} ms, {sent} sent")
 
 
-def test_a_subscriber_that_is_killed_changes_nothing_for_the_others(start: object, receiver: Receiver) -> None:
+def test_a_subscriber_that_is_killed_changes_nothing_for_the_others(
+    start: object, receiver: Receiver
+) -> None:
     """Its confirmations are missing, and the network does not say that it is gone."""
     daemon = start(IMAGE, "--model", "unet", "--ros2-topics", "depth/image_raw", rate="15")
     topic = f"/{daemon.camera}/depth/image_raw"
@@ -55,7 +57,9 @@ def test_a_subscriber_that_is_killed_changes_nothing_for_the_others(start: objec
         receiver.executor.spin_once(timeout_sec=0.1)
         if len(received) > count:
             longest, last = max(longest, time.monotonic() - last), time.monotonic()
-    print(f"20 messages within {time.monotonic() - start_s:.1f} s after the kill, longest pause {longest:.1f} s")
+    print(
+        f"20 messages within {time.monotonic() - start_s:.1f} s after the kill, longest pause {longest:.1f} s"
+    )
     stats = daemon.stop()
     assert stats["frames"]["failed"] == 0
 

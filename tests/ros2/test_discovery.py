@@ -24,5 +24,7 @@ def test_two_nunetds_only_announce_themselves_to_each_other(start_on: object) ->
 
 def datagrams_sent() -> int:
     """By all processes of this network namespace."""
-    names, values = (line.split() for line in Path("/proc/net/snmp").read_text().splitlines() if "Udp:" in line)
+    names, values = (
+        line.split() for line in Path("/proc/net/snmp").read_text().splitlines() if "Udp:" in line
+    )
     return int(values[names.index("OutDatagrams")])

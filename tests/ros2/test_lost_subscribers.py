@@ -70,7 +70,9 @@ def test_hostile_datagrams_change_nothing(start: object, receiver: Receiver) -> 
     received = receiver.subscribe(Image, f"/{daemon.camera}/depth/image_raw")
     receiver.spin_until(lambda: len(received) > 5)
     header = b"RTPS\x02\x04\x01\x0f" + bytes(12)
-    fragments = bytes([0, 0, 4, 0xC7, 0, 0, 4, 0xC2, 0, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 0, 0]) + b"\xff" * 36
+    fragments = (
+        bytes([0, 0, 4, 0xC7, 0, 0, 4, 0xC2, 0, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 0, 0]) + b"\xff" * 36
+    )
     nack = header + bytes([0x12, 1, len(fragments), 0]) + fragments
     reply = header + bytes([0x80, 1, 0, 0]) + bytes([0x0F, 1, 4, 0]) + bytes(4)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as attacker:

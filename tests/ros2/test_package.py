@@ -35,7 +35,9 @@ def test_nunetd_uses_the_network_of_other_nodes() -> None:
     assert network_of("rmw_fastrtps_cpp") == network_of("rmw_cyclonedds_cpp") == "dds"
 
 
-def test_launch_arguments_replace_only_what_they_name_in_the_parameter_file(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_launch_arguments_replace_only_what_they_name_in_the_parameter_file(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """With stand-ins for the `launch` packages, which the package index does not have."""
     given = {"camera": "rear"}
     packages = {"launch": ["actions", "conditions", "substitutions"]}

@@ -73,7 +73,9 @@ class Driver:
             self.cameras.publish(info)
         self.images.publish(message)
 
-    def send_until(self, condition: Callable[[], bool], message: object, info: CameraInfo | None = None) -> None:
+    def send_until(
+        self, condition: Callable[[], bool], message: object, info: CameraInfo | None = None
+    ) -> None:
         """Publishes ten images per second until the condition holds."""
         end = time.monotonic() + TIMEOUT_S
         while not condition():
@@ -114,7 +116,17 @@ def infer(tmp_path: Path) -> Callable[[bytes, str], np.ndarray]:
         image, out = tmp_path / f"scene.{name}", tmp_path / "inferred"
         image.write_bytes(data)
         intrinsics = f"{','.join(str(number) for number in INTRINSICS)}@{SIZE[0]}x{SIZE[1]}"
-        command = [nunetd(), "infer", str(image), "--model", MODEL, "--out", str(out), "--intrinsics", intrinsics]
+        command = [
+            nunetd(),
+            "infer",
+            str(image),
+            "--model",
+            MODEL,
+            "--out",
+            str(out),
+            "--intrinsics",
+            intrinsics,
+        ]
         subprocess.run(command, check=True, capture_output=True, timeout=TIMEOUT_S)
         return np.load(next(out.rglob("depth.npy")))
 
@@ -220,7 +232,9 @@ def test_images_that_cannot_be_read_are_counted_and_reported(start_on: object, r
     driver.send_until(lambda: len(depths) > count, good, camera_info())
     assert daemon.stop(code=3)["frames"]["failed"] == 3
     log = daemon.log.read_text()
-    assert f"cannot read an image on topic `{TOPIC}`: encoding `rainbow7` cannot be read, expected rgb8" in log
+    assert (
+        f"cannot read an image on topic `{TOPIC}`: encoding `rainbow7` cannot be read, expected rgb8" in log
+    )
 
 
 PUBLISHER = """
@@ -316,7 +330,9 @@ def test_images_of_another_vendor_arrive(start_on: object, receiver: Receiver) -
     """Cyclone DDS, which has fragments of another size."""
     daemon = start_on(f"ros2:{TOPIC}", *DEPTH)
     depths = depths_of(receiver, daemon)
-    publisher = subprocess.Popen([sys.executable, str(Path(__file__).with_name("cyclone_publisher.py")), TOPIC])
+    publisher = subprocess.Popen(
+        [sys.executable, str(Path(__file__).with_name("cyclone_publisher.py")), TOPIC]
+    )
     try:
         receiver.spin_until(lambda: len(depths) > 3)
     finally:

@@ -55,7 +55,9 @@ def frame_of_all(receiver: Receiver, daemon: Daemon) -> dict:
     }
 
 
-def test_every_topic_is_received_and_equals_the_results_of_its_frame(start: object, receiver: Receiver) -> None:
+def test_every_topic_is_received_and_equals_the_results_of_its_frame(
+    start: object, receiver: Receiver
+) -> None:
     """Values, sizes, frames and cameras; all topics of a frame have one stamp."""
     daemon = start(IMAGE, *CAMERA, "--ros2-topics", "all")
     frame = frame_of_all(receiver, daemon)
@@ -148,7 +150,10 @@ def test_nodes_types_hashes_and_qos_are_visible(start: object, receiver: Receive
         assert str(info.topic_type_hash) == hash_of(module, message_type.__name__)
         assert info.qos_profile.reliability == ReliabilityPolicy.RELIABLE
         assert info.qos_profile.durability == DurabilityPolicy.VOLATILE
-    for topic, type_name in [(label_info, "vision_msgs/msg/LabelInfo"), ("/tf_static", "tf2_msgs/msg/TFMessage")]:
+    for topic, type_name in [
+        (label_info, "vision_msgs/msg/LabelInfo"),
+        ("/tf_static", "tf2_msgs/msg/TFMessage"),
+    ]:
         assert types[topic] == [type_name]
         (info,) = node.get_publishers_info_by_topic(topic)
         assert info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
@@ -187,7 +192,9 @@ def test_nothing_is_sent_without_subscribers(start: object, receiver: Receiver) 
     """The default topics are offered, and not encoded."""
     daemon = start(IMAGE, *CAMERA)
     own = f"/{daemon.camera}/"
-    expected = {own + name for name in ["depth/half/image_raw", "depth/half/camera_info", "obstacles/points", "scan"]}
+    expected = {
+        own + name for name in ["depth/half/image_raw", "depth/half/camera_info", "obstacles/points", "scan"]
+    }
 
     def offered() -> set[str]:
         return {name for name, _ in receiver.node.get_topic_names_and_types() if name.startswith(own)}

@@ -23,7 +23,9 @@ VGA_IMAGE = min((ROOT / "models/clip/rgb").iterdir())
 FRAMES = 300
 SUBSCRIBER = """
 import json, sys, time, zenoh
-config = {"mode": "peer", "connect": {"endpoints": [sys.argv[1]]}, "scouting": {"multicast": {"enabled": False}}}
+config = {
+    "mode": "peer", "connect": {"endpoints": [sys.argv[1]]}, "scouting": {"multicast": {"enabled": False}}
+}
 with zenoh.open(zenoh.Config.from_json5(json.dumps(config))) as session:
     kept = session.declare_subscriber(sys.argv[2], lambda sample: print("received", flush=True))
     time.sleep(1000)
@@ -80,7 +82,9 @@ def test_every_topic_is_received_and_equals_the_results_of_its_frame(
     assert numbered <= counts["sent"], counts
 
 
-def test_all_of_300_vga_frames_that_are_taken_arrive(start: object, router: Router, peer: ZenohReceiver) -> None:
+def test_all_of_300_vga_frames_that_are_taken_arrive(
+    start: object, router: Router, peer: ZenohReceiver
+) -> None:
     """614 kB each, 30 per second. On a busy machine, some may not be taken."""
     topics = ["--ros2-topics", "depth/image_raw", "--ros2-depth", "16UC1"]
     daemon = start(VGA_IMAGE, "--model", "unet", *topics, rate="30", ros2=f"zenoh:{router.endpoint}")
@@ -98,7 +102,9 @@ def test_all_of_300_vga_frames_that_are_taken_arrive(start: object, router: Rout
     assert len(received[0].data) == 640 * 480 * 2
 
 
-def test_messages_that_a_subscriber_does_not_take_are_counted(start: object, router: Router, tmp_path: Path) -> None:
+def test_messages_that_a_subscriber_does_not_take_are_counted(
+    start: object, router: Router, tmp_path: Path
+) -> None:
     """A paused subscriber takes nothing; frames and other subscribers continue."""
     topics = ["--ros2-topics", "depth/image_raw,scan"]
     daemon = start(VGA_IMAGE, "--model", "unet", *CAMERA, *topics, rate="15", ros2=f"zenoh:{router.endpoint}")
@@ -165,7 +171,9 @@ def test_a_late_subscriber_receives_labels_and_transform(start: object, router: 
     assert transform.transform.translation.z == pytest.approx(0.25)
 
 
-def test_both_networks_get_the_same_frames(start: object, router: Router, receiver: object, peer: object) -> None:
+def test_both_networks_get_the_same_frames(
+    start: object, router: Router, receiver: object, peer: object
+) -> None:
     """`--ros2` may be given more than once."""
     daemon = start(IMAGE, "--ros2", f"zenoh:{router.endpoint}", "--ros2-topics", "depth/image_raw")
     topic = f"/{daemon.camera}/depth/image_raw"
@@ -276,7 +284,11 @@ def test_the_environment_of_rmw_zenoh_is_honored(start: object, router: Router, 
     ("link", "env", "message"),
     [
         ("zenoh:robot", {}, "`robot` is not a Zenoh endpoint, expected PROTOCOL/ADDRESS"),
-        ("zenoh", {"ZENOH_SESSION_CONFIG_URI": "/none.json5"}, "cannot read the Zenoh configuration `/none.json5`"),
+        (
+            "zenoh",
+            {"ZENOH_SESSION_CONFIG_URI": "/none.json5"},
+            "cannot read the Zenoh configuration `/none.json5`",
+        ),
         ("zenoh", {"ZENOH_CONFIG_OVERRIDE": "mode=boat"}, "ZENOH_CONFIG_OVERRIDE cannot set `mode=boat`"),
         ("zenoh", {"ROS_DOMAIN_ID": "233"}, "ROS_DOMAIN_ID is `233`, expected a ROS 2 domain from 0 to 232"),
     ],
@@ -285,7 +297,9 @@ def test_mistakes_are_errors_before_the_model_is_loaded(link: str, env: dict[str
     """Exit code 2, with the place and a hint."""
     command = [nunetd(), "run", "--source", str(IMAGE), "--ros2", link, "--model", "/no/such/model.onnx"]
     environment = {"PATH": "/usr/bin", **env}
-    ended = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False, env=environment)
+    ended = subprocess.run(
+        command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False, env=environment
+    )
     assert ended.returncode == 2, ended.stderr
     assert message in ended.stderr
     assert "hint" in ended.stderr

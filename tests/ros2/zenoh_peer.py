@@ -92,7 +92,9 @@ class ZenohReceiver:
     def key(self, message_type: type, topic: str) -> str:
         """The key expression of a topic, with the type hash of ROS 2 itself."""
         package, name = message_type.__module__.split(".")[0], message_type.__name__
-        return pyzeros.pub.publisher_keyexpr(topic, dds_type(message_type), self.hash_of(package, name), domain_id=0)
+        return pyzeros.pub.publisher_keyexpr(
+            topic, dds_type(message_type), self.hash_of(package, name), domain_id=0
+        )
 
     def subscribe(self, message_type: type, topic: str) -> list:
         """Received messages are appended to the returned list, decoded by ROS 2."""
@@ -117,7 +119,9 @@ class ZenohReceiver:
         return received
 
     def tokens(self) -> list[str]:
-        """All liveliness tokens of the domain, from which `ros2 topic list`, `info` and `node list` are made."""
+        """All liveliness tokens of the domain,
+        from which `ros2 topic list`, `info` and `node list` are made.
+        """
         replies = self.session.liveliness().get("@ros2_lv/0/**", timeout=5.0)
         return sorted(str(reply.ok.key_expr) for reply in replies if reply.ok is not None)
 
@@ -144,7 +148,13 @@ class ZenohPublisher:
         package, name = message_type.__module__.split(".")[0], message_type.__name__
         qos, type_hash = QosProfile.sensor_data(), self.receiver.hash_of(package, name)
         token = pyzeros.pub.token_keyexpr(
-            self.topic, dds_type(message_type), type_hash, qos, node_name="driver", session=opened, domain_id=0
+            self.topic,
+            dds_type(message_type),
+            type_hash,
+            qos,
+            node_name="driver",
+            session=opened,
+            domain_id=0,
         )
         self.gid = rmw_zenoh_gid(token)
         self.publisher = opened.declare_publisher(self.receiver.key(message_type, self.topic))

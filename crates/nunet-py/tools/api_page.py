@@ -1,7 +1,8 @@
 """Write the reference page of the Python API: `python api_page.py [FILE]`.
 
-Signatures come from the stubs (`_native.pyi`), descriptions from the docstrings of the installed package. Run it with
-an interpreter that has the package (`cargo xtask package` prints one). FILE is `docs/book/python-api.md` by default.
+Signatures come from the stubs (`_native.pyi`), descriptions from the docstrings of the installed package. Run
+it with an interpreter that has the package (`cargo xtask package` prints one). FILE is
+`docs/book/python-api.md` by default.
 """
 
 import ast
@@ -139,7 +140,9 @@ def description(documented: object) -> str:
 def prose(text: str) -> str:
     """Paragraphs, wrapped."""
     paragraphs = [" ".join(paragraph.split()) for paragraph in text.strip().split("\n\n")]
-    return "".join(f"{textwrap.fill(each, COLUMNS, break_on_hyphens=False)}\n\n" for each in paragraphs if each)[:-1]
+    return "".join(
+        f"{textwrap.fill(each, COLUMNS, break_on_hyphens=False)}\n\n" for each in paragraphs if each
+    )[:-1]
 
 
 def items(body: str) -> str:

@@ -25,7 +25,9 @@ def nunet_node(context: LaunchContext) -> list[Node]:
     given = {name: ParameterValue(value, value_type=str) for name, value in values.items() if value}
     parameters = [LaunchConfiguration("parameters"), *([given] if given else [])]
     return [
-        Node(package="nunet_ros", executable="nunet_node", name="nunet", output="screen", parameters=parameters)
+        Node(
+            package="nunet_ros", executable="nunet_node", name="nunet", output="screen", parameters=parameters
+        )
     ]
 
 

@@ -36,11 +36,26 @@ def network_of(rmw_implementation: str) -> str:
 
 
 def command(parameters: Mapping[str, object], network: str) -> list[str]:
-    """`nunetd run` with the flags of all parameters that are not empty. A topic of images takes the source's place."""
+    """`nunetd run` with the flags of all parameters that are not empty.
+
+    A topic of images takes the source's place.
+    """
     topic = parameters["image_topic"]
     parameters = {**parameters, "source": f"ros2:{topic}@{network}"} if topic else parameters
-    flags = [word for name, flag in FLAGS.items() if parameters[name] != "" for word in (flag, str(parameters[name]))]
+    flags = [
+        word
+        for name, flag in FLAGS.items()
+        if parameters[name] != ""
+        for word in (flag, str(parameters[name]))
+    ]
     further = parameters["arguments"]
     assert isinstance(further, Sequence)
     # The node's environment has the domain, the discovery range and Zenoh's configuration.
-    return [str(parameters["executable"]), "run", *flags, "--ros2", network, *(word for word in further if word)]
+    return [
+        str(parameters["executable"]),
+        "run",
+        *flags,
+        "--ros2",
+        network,
+        *(word for word in further if word),
+    ]

@@ -1,4 +1,6 @@
-"""A node that runs nunetd: it logs what nunetd logs, restarts it after a failure, and ends it when the node ends."""
+"""A node that runs nunetd: it logs what nunetd logs,
+restarts it after a failure, and ends it when the node ends.
+"""
 
 import signal
 import subprocess
@@ -24,7 +26,9 @@ class NunetNode(Node):
 
     def __init__(self, **arguments: object) -> None:
         super().__init__("nunet", **arguments)
-        self._parameters = {name: self.declare_parameter(name, default).value for name, default in DEFAULTS.items()}
+        self._parameters = {
+            name: self.declare_parameter(name, default).value for name, default in DEFAULTS.items()
+        }
         self._ending = threading.Event()
         self._process: subprocess.Popen | None = None
         self._lock = threading.Lock()

@@ -32,7 +32,9 @@ def noise(height, width, seed=7):
 
 
 def hint_of(error):
-    """The message of an exception from `pytest.raises`, which must have a hint, in its text and as an attribute."""
+    """The message of an exception from `pytest.raises`,
+    which must have a hint, in its text and as an attribute.
+    """
     text = str(error.value)
     assert "\nhint: " in text, text
     assert error.value.hint == text.partition("\nhint: ")[2].replace("\nhint: ", "\n"), text

@@ -19,7 +19,13 @@ distortion_coefficients: {rows: 1, cols: 5, data: [-0.31, 0.11, 0.0007, -0.0004,
 
 def test_a_camera_is_what_was_given():
     camera = nunet.Camera(fx=518.9, fy=519.5, cx=325.6, cy=253.7, size=(640, 480))
-    assert (camera.fx, camera.fy, camera.cx, camera.cy, camera.size) == (518.9, 519.5, 325.6, 253.7, (640, 480))
+    assert (camera.fx, camera.fy, camera.cx, camera.cy, camera.size) == (
+        518.9,
+        519.5,
+        325.6,
+        253.7,
+        (640, 480),
+    )
     assert (camera.distortion, camera.distortion_model) == ([], None)
     assert camera.matrix.tolist() == [[518.9, 0, 325.6], [0, 519.5, 253.7], [0, 0, 1]]
     assert repr(camera) == "Camera(fx=518.9, fy=519.5, cx=325.6, cy=253.7, size=(640, 480))"
@@ -71,8 +77,16 @@ BAD = {
     "text": (dict(fx="500"), TypeError, "`fx` is `'500'`; expected a number"),
     "a number for a name": (dict(distortion_model=4), TypeError, "`distortion_model` is `4`"),
     "size of an array": (dict(size=(480, 640, 3)), TypeError, "rgb.shape\\[1\\]"),
-    "a list": (dict(size=[640, 480]), TypeError, r"is `\[640, 480\]`; expected a tuple .*\n.*`size=\(640, 480\)`"),
-    "fisheye": (dict(distortion=[0.1] * 4, distortion_model="fisheye"), nunet.CameraError, "\nhint: .*equidistant"),
+    "a list": (
+        dict(size=[640, 480]),
+        TypeError,
+        r"is `\[640, 480\]`; expected a tuple .*\n.*`size=\(640, 480\)`",
+    ),
+    "fisheye": (
+        dict(distortion=[0.1] * 4, distortion_model="fisheye"),
+        nunet.CameraError,
+        "\nhint: .*equidistant",
+    ),
     "a path": (dict(distortion="front.yaml"), TypeError, "`distortion` is `'front.yaml'`"),
     "size of zero": (dict(size=(0, 480)), nunet.CameraError, "0x480"),
     "negative size": (dict(size=(-640, 480)), TypeError, "whole pixels"),

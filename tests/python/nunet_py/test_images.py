@@ -20,7 +20,16 @@ def result():
 
 def test_colors_are_those_of_nunetds_depth_image(nunetd, result, tmp_path):
     Image.fromarray(noise(96, 128)).save(tmp_path / "noise.png")
-    command = [nunetd, "-q", "infer", str(tmp_path / "noise.png"), "--out", str(tmp_path), "--model", str(TINY)]
+    command = [
+        nunetd,
+        "-q",
+        "infer",
+        str(tmp_path / "noise.png"),
+        "--out",
+        str(tmp_path),
+        "--model",
+        str(TINY),
+    ]
     subprocess.run([*command, *ON_THE_COMMAND_LINE], check=True)
     drawn = np.asarray(Image.open(tmp_path / "depth.png").convert("RGB"))
     colored = nunet.colorize(result.depth)
@@ -39,7 +48,9 @@ def test_a_fixed_range_gives_one_depth_one_color_in_every_map():
     first, second = (np.linspace(1, end, 64, dtype=np.float32).reshape(8, 8) for end in (2, 9))
     colors = [nunet.colorize(depth, near=0, far=10)[0, 0] for depth in (first, second)]
     assert (colors[0] == colors[1]).all()
-    assert (nunet.colorize(first, near=-5.0)[0, 0] != nunet.colorize(first)[0, 0]).any(), "one end alone may be given"
+    assert (nunet.colorize(first, near=-5.0)[0, 0] != nunet.colorize(first)[0, 0]).any(), (
+        "one end alone may be given"
+    )
 
 
 BAD = {
@@ -53,7 +64,12 @@ BAD = {
     "near beyond all": (np.ones((2, 2), np.float32), dict(near=100.0), ValueError, "`far` of the map is `1`"),
     "far before all": (np.ones((2, 2), np.float32), dict(far=0.5), ValueError, "`near` of the map is `1`"),
     "mirrored": (np.ones((2, 2), np.float32)[:, ::-1], {}, ValueError, "ascontiguousarray"),
-    "no range": (np.ones((2, 2), np.float32), dict(near=2, far=2), ValueError, "expected `far` beyond `near`"),
+    "no range": (
+        np.ones((2, 2), np.float32),
+        dict(near=2, far=2),
+        ValueError,
+        "expected `far` beyond `near`",
+    ),
     "endless": (np.ones((2, 2), np.float32), dict(far=float("inf")), ValueError, "finite"),
 }
 
@@ -94,12 +110,16 @@ def test_a_plot_needs_neither_window_nor_display():
 
 
 def open3d_stand_in():
-    """The part of open3d that is called: open3d has no wheel for every Python and takes hundreds of megabytes."""
+    """The part of open3d that is called:
+    open3d has no wheel for every Python and takes hundreds of megabytes.
+    """
     module = types.ModuleType("open3d")
     module.geometry = types.SimpleNamespace(PointCloud=types.SimpleNamespace)
 
     def vector(values):
-        assert values.dtype == np.float64 and values.ndim == 2 and values.shape[1] == 3, "what Vector3dVector takes"
+        assert values.dtype == np.float64 and values.ndim == 2 and values.shape[1] == 3, (
+            "what Vector3dVector takes"
+        )
         return values
 
     module.utility = types.SimpleNamespace(Vector3dVector=vector)

@@ -11,13 +11,14 @@ from streaming import TIMEOUT, attached, daemon, memory_bytes, unique_name
 
 FRAMES = 10_000
 DAEMON_FRAMES = 400
-# Memory that an allocator may keep. A leak of 64 bytes in each of 10,000 frames is more, and so is one of each topic's
-# header (1 KB) in 400 frames of four topics.
+# Memory that an allocator may keep. A leak of 64 bytes in each of 10,000 frames is more, and so is one of
+# each topic's header (1 KB) in 400 frames of four topics.
 SLACK_BYTES = 500_000
 
 
 def references(sample):
-    """References to the classes and types of a frame: a leaked object keeps its class, a leaked array its type.
+    """References to the classes and types of a frame: a leaked object keeps its class, a leaked array its
+    type.
 
     Classes and types have reference counts in every version of Python, whereas `None` is immortal since 3.12.
     """
@@ -29,7 +30,10 @@ def references(sample):
 def assert_same(before, after):
     """Equal, apart from what the interpreter itself changes."""
     (kinds, objects), (kinds_after, objects_after) = before, after
-    assert all(abs(one - other) < 10 for one, other in zip(kinds, kinds_after, strict=True)), (kinds, kinds_after)
+    assert all(abs(one - other) < 10 for one, other in zip(kinds, kinds_after, strict=True)), (
+        kinds,
+        kinds_after,
+    )
     assert abs(objects_after - objects) < 100
 
 
@@ -84,7 +88,10 @@ def test_objects_of_a_frame_are_released_with_it():
 def test_the_frames_of_a_daemon_leak_no_memory(nunetd):
     name = unique_name()
     topics = ["depth", "labels", "cloud", "stats"]
-    with daemon(nunetd, name, "--rate", "200"), nunet.subscribe(name, topics=topics, timeout=TIMEOUT) as frames:
+    with (
+        daemon(nunetd, name, "--rate", "200"),
+        nunet.subscribe(name, topics=topics, timeout=TIMEOUT) as frames,
+    ):
 
         def read_frames(count):
             for frame in (frames.next() for _ in range(count)):

@@ -51,8 +51,8 @@ def interface(array):
     return np.asarray(types.SimpleNamespace(__array_interface__=array.__array_interface__, base=array))
 
 
-# What keeps a reference to `image`, and what happens to the variable of the block. A reference that is the only one
-# left is taken for that variable.
+# What keeps a reference to `image`, and what happens to the variable of the block. A reference that is the
+# only one left is taken for that variable.
 KEEPS = {
     "view": lambda image: image[..., 0],
     "flat view": lambda image: image.reshape(-1),
@@ -62,7 +62,9 @@ KEEPS = {
     "list": lambda image: [image],
 }
 VIEWS = ["view", "flat view"]
-KEPT = [(keep, "kept") for keep in KEEPS] + [(keep, name) for keep in VIEWS for name in ("deleted", "rebound")]
+KEPT = [(keep, "kept") for keep in KEEPS] + [
+    (keep, name) for keep in VIEWS for name in ("deleted", "rebound")
+]
 
 
 def write(kept):

@@ -60,7 +60,9 @@ def test_points_beyond_the_range_have_no_coordinates(tiny):
 
 def test_a_bundled_model_is_found_from_every_folder_and_a_bare_name_may_lack_its_ending(tmp_path):
     code = "import nunet_py; print(nunet_py.Model('wnet_c').path)"
-    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True, cwd=tmp_path)
+    done = subprocess.run(
+        [sys.executable, "-c", code], check=True, capture_output=True, text=True, cwd=tmp_path
+    )
     assert done.stdout.strip().endswith("wnet_c.onnx")
 
 

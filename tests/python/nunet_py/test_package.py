@@ -30,16 +30,32 @@ def test_the_command_is_nunetd():
         assert re.fullmatch(r"ONNX Runtime \d+\.\d+\.\d+ at /.*libonnxruntime\.so.* \(.+\)", lines[2]), lines
         bad = subprocess.run([*command, "--no-such-flag"], check=False, capture_output=True, text=True)
         assert bad.returncode == 2 and "--no-such-flag" in bad.stderr
-        missing = subprocess.run([*command, "inspect", "missing.onnx"], check=False, capture_output=True, text=True)
+        missing = subprocess.run(
+            [*command, "inspect", "missing.onnx"], check=False, capture_output=True, text=True
+        )
         assert missing.returncode == 2 and "missing.onnx" in missing.stderr
 
 
 def started(tmp_path, *more):
     """A daemon through the console script, once it has published, and its statistics file."""
     stats, name = tmp_path / "stats.json", f"pytest-package-{os.getpid()}-{len(list(tmp_path.iterdir()))}"
-    command = [COMMAND, "--model", TINY, "--source", "demo", "--camera", name, "--rate", "20", "--stats-json", stats]
+    command = [
+        COMMAND,
+        "--model",
+        TINY,
+        "--source",
+        "demo",
+        "--camera",
+        name,
+        "--rate",
+        "20",
+        "--stats-json",
+        stats,
+    ]
     process = subprocess.Popen([*command, *more], stderr=subprocess.PIPE, text=True)
-    watch = subprocess.run([COMMAND, "watch", name, "--frames", "2", "--timeout", "60"], check=False, timeout=90)
+    watch = subprocess.run(
+        [COMMAND, "watch", name, "--frames", "2", "--timeout", "60"], check=False, timeout=90
+    )
     assert watch.returncode == 0
     return process, stats
 
@@ -94,7 +110,8 @@ def test_the_reference_page_is_current(tmp_path):
     command = [sys.executable, ROOT / "crates" / "nunet-py" / "tools" / "api_page.py", tmp_path / "page.md"]
     subprocess.run(command, check=True, timeout=60)
     assert page.read_text() == (tmp_path / "page.md").read_text(), (
-        "run `cargo xtask package`, then crates/nunet-py/tools/api_page.py with the interpreter that it prints"
+        "run `cargo xtask package`, then crates/nunet-py/tools/api_page.py "
+        "with the interpreter that it prints"
     )
 
 
@@ -115,7 +132,9 @@ def test_telemetry_is_off_after_the_import_unless_the_user_allows_it():
     code = "import os, nunet_py; print(os.environ['ORT_DISABLE_TELEMETRY'])"
     for given, expected in [("", "1"), ("yes", "1"), ("1", "1"), ("0", "0")]:
         environment = os.environ | {"ORT_DISABLE_TELEMETRY": given}
-        done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True, env=environment)
+        done = subprocess.run(
+            [sys.executable, "-c", code], check=True, capture_output=True, text=True, env=environment
+        )
         assert done.stdout == f"{expected}\n", given
 
 
@@ -146,7 +165,9 @@ def public():
             yield name, thing
         if inspect.isclass(thing) and not issubclass(thing, Exception):
             members = vars(thing).items()
-            yield from ((f"{name}.{member}", value) for member, value in members if not member.startswith("_"))
+            yield from (
+                (f"{name}.{member}", value) for member, value in members if not member.startswith("_")
+            )
 
 
 def test_everything_public_is_documented_with_its_arguments():
@@ -158,9 +179,19 @@ def test_everything_public_is_documented_with_its_arguments():
         if callable(thing) and not inspect.isclass(thing):
             parameters = [word for word in inspect.signature(thing).parameters if word not in ("self", "cls")]
             text = inspect.getdoc(thing)
-            assert all(f"{word} " in text or f"`{word}`" in text or f"{word}," in text for word in parameters), name
+            assert all(
+                f"{word} " in text or f"`{word}`" in text or f"{word}," in text for word in parameters
+            ), name
     help_of_infer = inspect.getdoc(nunet.Model.infer)
-    for words in ("uint8 (H, W, 3)", "float32 (H, W)", "meters", "NaN", "TypeError", "ValueError", "CameraError"):
+    for words in (
+        "uint8 (H, W, 3)",
+        "float32 (H, W)",
+        "meters",
+        "NaN",
+        "TypeError",
+        "ValueError",
+        "CameraError",
+    ):
         assert words in help_of_infer
 
 
@@ -203,7 +234,9 @@ def test_the_example_nearest_obstacle_does_not_call_unseen_space_free():
     ray = np.stack([(column - 31.5) / 50, (row - 23.5) / 50, np.ones((48, 64))], -1).astype(np.float32)
 
     def answer(depth, label):
-        cloud = types.SimpleNamespace(points=ray * depth[..., None], labels=np.full((48, 64), label, np.uint8))
+        cloud = types.SimpleNamespace(
+            points=ray * depth[..., None], labels=np.full((48, 64), label, np.uint8)
+        )
         return describe(cloud, ("floor", "wall"), camera)
 
     floor, wall = 0, 1
@@ -231,8 +264,17 @@ def test_the_notebook_runs_from_its_first_cell_to_its_last(tmp_path, monkeypatch
     kernel = tmp_path / "share/jupyter/kernels/python3"
     kernel.mkdir(parents=True)
     argv = [sys.executable, "-m", "ipykernel_launcher", "-f", "{connection_file}"]
-    (kernel / "kernel.json").write_text(json.dumps({"argv": argv, "language": "python", "display_name": "python3"}))
+    (kernel / "kernel.json").write_text(
+        json.dumps({"argv": argv, "language": "python", "display_name": "python3"})
+    )
     monkeypatch.setenv("JUPYTER_PATH", str(tmp_path / "share/jupyter"))
-    NotebookClient(notebook, kernel_name="python3", timeout=120, resources={"metadata": {"path": EXAMPLES}}).execute()
-    images = [out for cell in notebook.cells for out in cell.get("outputs", []) if "image/png" in out.get("data", {})]
+    NotebookClient(
+        notebook, kernel_name="python3", timeout=120, resources={"metadata": {"path": EXAMPLES}}
+    ).execute()
+    images = [
+        out
+        for cell in notebook.cells
+        for out in cell.get("outputs", [])
+        if "image/png" in out.get("data", {})
+    ]
     assert len(images) == 2

@@ -96,7 +96,10 @@ def test_wrong_times_and_numbers_are_refused(pair, arguments, exception, message
             with pytest.raises(exception, match=message):
                 loan.capture_nanos = arguments["capture_nanos"]
         assert frames.next().header.capture_nanos > 0
-    with nunet.AttitudePublisher(unique_name()) as attitude, pytest.raises(ValueError, match="`capture_nanos` is `-1`"):
+    with (
+        nunet.AttitudePublisher(unique_name()) as attitude,
+        pytest.raises(ValueError, match="`capture_nanos` is `-1`"),
+    ):
         attitude.publish(0.0, 0.0, capture_nanos=-1)
     assert frames.latest() is None
 
@@ -176,7 +179,11 @@ def test_an_image_that_does_not_fit_is_refused_with_a_fix(pair, image, exception
         ({"size": (0, 48)}, ValueError, "`size` is `0x48`"),
         ({"size": (64, 100_000)}, ValueError, "`size` is `64x100000`"),
         ({"size": (64, 32_769)}, ValueError, "`size` is `64x32769`"),
-        ({"size": (480, 640, 3)}, TypeError, r"`size` is `\(480, 640, 3\)`; expected a tuple \(width, height\)"),
+        (
+            {"size": (480, 640, 3)},
+            TypeError,
+            r"`size` is `\(480, 640, 3\)`; expected a tuple \(width, height\)",
+        ),
         ({"size": (64.0, 48)}, TypeError, "whole pixels"),
         ({"size": 64}, TypeError, "`size` is `64`"),
         ({"intrinsics": (1, 1, 0, 0)}, TypeError, "`intrinsics` is .* expected a Camera"),
@@ -197,7 +204,9 @@ def test_wrong_arguments_are_refused(arguments, exception, message):
 
 
 def test_the_camera_is_sent_with_the_images_at_their_size():
-    camera = nunet.Camera(fx=500.0, fy=501.0, cx=320.0, cy=240.0, size=(640, 480), distortion=[-0.3, 0.1, 0, 0, 0])
+    camera = nunet.Camera(
+        fx=500.0, fy=501.0, cx=320.0, cy=240.0, size=(640, 480), distortion=[-0.3, 0.1, 0, 0, 0]
+    )
     with attached(intrinsics=camera.at_size(320, 240)) as (publisher, frames):
         publisher.publish(noise())
         frame = frames.next()

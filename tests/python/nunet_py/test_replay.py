@@ -24,7 +24,17 @@ def hash_of(results):
 
 
 def replayed_by_nunetd(nunetd, path, out, file):
-    command = [nunetd, "-q", "replay", str(path), str(out), "--json", "--model", str(file), *ON_THE_COMMAND_LINE]
+    command = [
+        nunetd,
+        "-q",
+        "replay",
+        str(path),
+        str(out),
+        "--json",
+        "--model",
+        str(file),
+        *ON_THE_COMMAND_LINE,
+    ]
     done = subprocess.run(command, check=True, capture_output=True, timeout=120)
     return json.loads(done.stdout)["depth_and_labels_sha256"]
 
@@ -45,7 +55,9 @@ def test_results_have_the_time_and_the_topic_of_their_images(tmp_path, tiny):
     assert (replay.topic, replay.images) == ("/eye/image_raw/compressed", FRAMES)
     results = list(replay)
     assert [result.sequence for result in results] == list(range(FRAMES))
-    assert [result.capture_nanos for result in results] == [FIRST_NANOS + i * PERIOD_NANOS for i in range(FRAMES)]
+    assert [result.capture_nanos for result in results] == [
+        FIRST_NANOS + i * PERIOD_NANOS for i in range(FRAMES)
+    ]
     assert {(result.topic, result.frame_id) for result in results} == {(replay.topic, "eye_optical")}
     camera = results[0].camera
     assert (camera.fx, camera.size) == (pytest.approx(K[0] * 128 / 640), (128, 96))

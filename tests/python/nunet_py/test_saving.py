@@ -30,8 +30,12 @@ def test_the_files_are_those_of_nunetd_infer(nunetd, result, tmp_path):
         assert file.read_bytes() == (tmp_path / "expected" / file.name).read_bytes(), file.name
     # nunetd leaves out points beyond its range, which a cloud in Python has.
     ours, theirs = points_of(files[-1])[0], points_of(tmp_path / "expected" / "cloud.ply")[0]
-    assert len(theirs) > len(ours) / 2 and {row.tobytes() for row in theirs} <= {row.tobytes() for row in ours}
-    assert sorted(result.save(str(tmp_path / "new" / "folder"))) == sorted(files), "existing files are replaced"
+    assert len(theirs) > len(ours) / 2 and {row.tobytes() for row in theirs} <= {
+        row.tobytes() for row in ours
+    }
+    assert sorted(result.save(str(tmp_path / "new" / "folder"))) == sorted(files), (
+        "existing files are replaced"
+    )
 
 
 def points_of(path):

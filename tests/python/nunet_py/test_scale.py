@@ -28,7 +28,9 @@ def test_the_scale_of_a_camera_replaces_the_focal_length(tiny):
     assert focal.scale_source == "focal_scaled"
     ratio = scaled.depth / focal.depth
     np.testing.assert_allclose(ratio[np.isfinite(ratio)], 0.5 / focal.scale_factor, rtol=1e-5)
-    assert tiny.infer(rgb, camera=camera_of(tiny)).scale_source == "focal_scaled", "it is the camera's, not the model's"
+    assert tiny.infer(rgb, camera=camera_of(tiny)).scale_source == "focal_scaled", (
+        "it is the camera's, not the model's"
+    )
 
 
 def test_a_calibration_file_brings_its_scale_and_pickle_keeps_it(tmp_path):

@@ -12,7 +12,8 @@ from streaming import TIMEOUT, daemon, unique_name
 ROOT = pathlib.Path(__file__).parents[3]
 EXAMPLES = ROOT / "examples" / "python"
 
-# A camera that returns gray images of increasing brightness until it is unplugged, written where OpenCV would write.
+# A camera that returns gray images of increasing brightness until it is unplugged, written where OpenCV would
+# write.
 FAKE_CV2 = """
 import os, pathlib, time
 import numpy as np
@@ -63,9 +64,19 @@ def test_subscribe_prints_a_hint_when_its_daemon_dies(nunetd):
 
 @contextlib.contextmanager
 def stop_before_wall(nunetd, image):
-    """The lines that the example prints for one image of the rendered drive, with the default network, and nunetd."""
+    """The lines that the example prints for one image of the rendered drive,
+    with the default network, and nunetd.
+    """
     name = unique_name()
-    camera = ["--mount", "0,0,0.25,0,-0.07,0", "--intrinsics", "262,262,160.3,119.2@320x240", "--loop", "--rate", "5"]
+    camera = [
+        "--mount",
+        "0,0,0.25,0,-0.07,0",
+        "--intrinsics",
+        "262,262,160.3,119.2@320x240",
+        "--loop",
+        "--rate",
+        "5",
+    ]
     source, model = ROOT / "models/drive/rgb" / image, ROOT / "models/wnet_c.onnx"
     with daemon(nunetd, name, *camera, source=str(source), model=model) as process:
         command = [sys.executable, EXAMPLES / "stop_before_wall.py", name]

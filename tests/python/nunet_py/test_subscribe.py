@@ -33,7 +33,11 @@ def test_every_topic_of_a_frame_has_the_expected_shape_type_and_sequence(camera)
             assert frame.depth.dtype == np.float32 and frame.labels.dtype == np.uint8
             assert frame.labels.shape == (height, width)
             assert frame.cloud.points.shape == (height, width, 3) and frame.cloud.points.dtype == np.float32
-            assert frame.cloud.labels.shape == (height, width) and frame.cloud.colors.shape == (height, width, 3)
+            assert frame.cloud.labels.shape == (height, width) and frame.cloud.colors.shape == (
+                height,
+                width,
+                3,
+            )
             assert len({header.sequence for header in frame.headers.values()}) == 1
             assert np.isnan(frame.depth).sum() == frame.header.invalid_pixels
             stats = frame.stats

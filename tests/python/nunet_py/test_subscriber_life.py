@@ -33,7 +33,9 @@ def is_sleeping(pid):
 def test_a_subscriber_waits_for_a_daemon_that_starts_later(nunetd):
     name = unique_name()
     found = []
-    waiting = threading.Thread(target=lambda: found.append(nunet.subscribe(name, timeout=TIMEOUT).next().sequence))
+    waiting = threading.Thread(
+        target=lambda: found.append(nunet.subscribe(name, timeout=TIMEOUT).next().sequence)
+    )
     waiting.start()
     with daemon(nunetd, name, "--rate", "30"):
         waiting.join(timeout=2 * TIMEOUT)
@@ -205,7 +207,13 @@ def test_a_fork_gets_an_error_and_does_not_affect_its_parent(still):
         child = os.fork()
         if child == 0:
             texts = []
-            for use in (frames.next, frames.latest, frames.close, lambda: frames.closed, lambda: list(frames)):
+            for use in (
+                frames.next,
+                frames.latest,
+                frames.close,
+                lambda: frames.closed,
+                lambda: list(frames),
+            ):
                 try:
                     use()
                     texts.append("no error")
@@ -243,7 +251,9 @@ assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 5
 for value in range(10):
     with publisher.loan() as image:
         image[:] = value
-    assert (nunet.subscribe(sys.argv[1], topics=["rgb"], timeout=30).closed, frames.next().rgb.max()) == (False, value)
+    assert (
+        nunet.subscribe(sys.argv[1], topics=["rgb"], timeout=30).closed, frames.next().rgb.max()
+    ) == (False, value)
 print(int(view.sum()))
 """
 

@@ -169,7 +169,11 @@ for _ in range(3000):
 )
 def test_a_message_that_contradicts_itself_is_an_error(contract, says, message):
     name, enums = unique_name(), contract["enums"]
-    header = {"contract_version": 1, "topic": enums["topic"]["depth"], "encoding": enums["encoding"]["depth_f32"]}
+    header = {
+        "contract_version": 1,
+        "topic": enums["topic"]["depth"],
+        "encoding": enums["encoding"]["depth_f32"],
+    }
     header |= {"width": 8, "height": 8, "payload_bytes": 512} | says
     sender = start_python(SENDER, json.dumps(contract), name, json.dumps(header), cwd=CLIENTS)
     try:

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Ask OpenCV where the pixels of several cameras look, and write its answers to `opencv_rays.json` beside this file.
+"""Ask OpenCV where the pixels of several cameras look, and write its answers to `opencv_rays.json` beside
+this file.
 
     pip install numpy opencv-python-headless
     python opencv_rays.py
@@ -7,10 +8,10 @@
 The cameras are made up, with numbers like those that calibrations of such lenses find. For each of them:
 
 - `rays`: column and row of a pixel, and x / z and y / z of its ray by `cv2.undistortPoints` or
-  `cv2.fisheye.undistortPoints`. OpenCV iterates and does not say whether it has converged, so that an answer is
-  kept only where OpenCV itself throws it back on its pixel.
-- `beyond`: pixels that no ray in front of the camera reaches, by a search through all radii or angles that has nothing
-  to do with how the answer is computed elsewhere.
+  `cv2.fisheye.undistortPoints`. OpenCV iterates and does not say whether it has converged, so that an answer
+  is kept only where OpenCV itself throws it back on its pixel.
+- `beyond`: pixels that no ray in front of the camera reaches, by a search through all radii or angles that
+  has nothing to do with how the answer is computed elsewhere.
 - `points`: x, y, z and where `cv2.projectPoints` or `cv2.fisheye.projectPoints` says that they appear.
 """
 
@@ -22,7 +23,8 @@ import numpy as np
 
 COLUMNS, ROWS = 13, 10  # of the grid of pixels, corners included
 ROUND_TRIP_PX = 1e-9
-# Near the lens's end the small errors of centring decide which pixels see something: nothing is said about them.
+# Near the lens's end the small errors of centring decide which pixels see something: nothing is said about
+# them.
 SURE_INSIDE, SURE_OUTSIDE = 0.97, 1.06
 
 CAMERAS = [
@@ -112,7 +114,9 @@ def undistort(camera, pixels):
 
 
 def radius_at_end(camera):
-    """How far from the center, in focal lengths, the rings of the lens reach before they fold or are at 90 degrees."""
+    """How far from the center, in focal lengths,
+    the rings of the lens reach before they fold or are at 90 degrees.
+    """
     lens = np.array(camera["distortion"] + [0.0] * (14 - len(camera["distortion"])))
     if camera["model"] == "kannala_brandt":
         angle = np.linspace(0, np.pi / 2, 2_000_001)
@@ -137,7 +141,10 @@ def answers(camera, random):
     rays, sound = undistort(camera, pixels)
     inside, beyond = radius < SURE_INSIDE, radius > SURE_OUTSIDE
     kept = inside & sound
-    print(f"{camera['name']}: {kept.sum()} rays, {beyond.sum()} beyond, {(inside & ~sound).sum()} not found by OpenCV")
+    print(
+        f"{camera['name']}: {kept.sum()} rays, {beyond.sum()} beyond, "
+        f"{(inside & ~sound).sum()} not found by OpenCV"
+    )
     depth = random.uniform(0.2, 20, kept.sum())
     points = np.column_stack([rays[kept], np.ones(kept.sum())]) * depth[:, None]
     return {
@@ -161,7 +168,9 @@ def main():
         "opencv": cv2.__version__,
         "cameras": [answers(camera, random) for camera in CAMERAS],
     }
-    text = json.dumps(golden).replace("[[", "[\n[").replace("], [", "],\n[").replace('}, {"name"', '},\n{"name"')
+    text = (
+        json.dumps(golden).replace("[[", "[\n[").replace("], [", "],\n[").replace('}, {"name"', '},\n{"name"')
+    )
     Path(__file__).with_suffix(".json").write_text(text + "\n")
 
 

@@ -7,13 +7,13 @@
 >>> result.cloud().points             # float32 (H, W, 3)
 
 `Model` runs the pipeline of `nunetd` in this process, and `replay` runs recordings through it. `Camera` holds
-intrinsics and distortion, `colorize` colors a depth map. `subscribe` reads the topics of a running `nunetd`, and
-`publisher` sends images to it, both through shared memory without a copy. The command `nunetd` is also
+intrinsics and distortion, `colorize` colors a depth map. `subscribe` reads the topics of a running `nunetd`,
+and `publisher` sends images to it, both through shared memory without a copy. The command `nunetd` is also
 `python -m nunet_py`.
 """
 
-# Nothing large is imported here, not even numpy: the child process that checks a new model file imports this module,
-# and the threads of numpy alone may reach its memory limit on a large machine.
+# Nothing large is imported here, not even numpy: the child process that checks a new model file imports this
+# module, and the threads of numpy alone may reach its memory limit on a large machine.
 
 from __future__ import annotations
 
@@ -75,8 +75,9 @@ __all__ = [
     "subscribe",
 ]
 
-# Before the first model opens ONNX Runtime's library, which otherwise reports to its vendor. `os.environ` also writes
-# the C library's environment, which ONNX Runtime reads. Only 0 allows telemetry; any other value becomes 1.
+# Before the first model opens ONNX Runtime's library, which otherwise reports to its vendor. `os.environ`
+# also writes the C library's environment, which ONNX Runtime reads. Only 0 allows telemetry; any other value
+# becomes 1.
 if os.environ.get("ORT_DISABLE_TELEMETRY") != "0":
     os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 

@@ -535,7 +535,12 @@ def _camera(
     distortion_model: str | None,
     scale: float | None = None,
 ) -> Camera: ...
-def _cloud(points: NDArray[np.float32], labels: NDArray[np.uint8], colors: NDArray[np.uint8], units: str) -> Cloud: ...
+def _cloud(
+    points: NDArray[np.float32], labels: NDArray[np.uint8], colors: NDArray[np.uint8], units: str
+) -> Cloud: ...
 def _result(
-    depth: NDArray[np.float32], labels: NDArray[np.uint8] | None, rgb: NDArray[np.uint8], state: dict[str, Any]
+    depth: NDArray[np.float32],
+    labels: NDArray[np.uint8] | None,
+    rgb: NDArray[np.uint8],
+    state: dict[str, Any],
 ) -> Result: ...

@@ -60,5 +60,8 @@ def _draw_labels(panel: Axes, labels: np.typing.NDArray[np.uint8], names: tuple[
     panel.set_title("labels")
     classes = [int(index) for index in np.unique(labels)][:_MAX_NAMES]
     named = [names[index] if index < len(names) else str(index) for index in classes]
-    patches = [Patch(color=colors(index % _MAX_NAMES), label=name) for index, name in zip(classes, named, strict=True)]
+    patches = [
+        Patch(color=colors(index % _MAX_NAMES), label=name)
+        for index, name in zip(classes, named, strict=True)
+    ]
     panel.legend(handles=patches, loc="upper left", bbox_to_anchor=(1, 1))
