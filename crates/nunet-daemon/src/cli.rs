@@ -93,7 +93,8 @@ impl Cli {
         let matches = command.try_get_matches_from_mut(&arguments);
         let matches = matches.map_err(|error| usage_error::with_fitting_tip(error, &command, &arguments))?;
         let mut cli = Self::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
-        settings::complete(&mut cli, &mut command, &matches)?;
+        let completed = (cli.subcommand.configured(), &mut cli.logging);
+        settings::complete(completed, &mut command, &matches)?;
         Ok(cli)
     }
 }

@@ -358,7 +358,7 @@ fn names_that_are_times_are_joined_also_beside_equal_names_and_others() {
     let (found, stderr): (Value, _) = (serde_json::from_slice(&output.stdout).unwrap(), text(&output.stderr));
     assert_eq!((&found["pictures"], &found["skipped"]), (&2.into(), &0.into()));
     assert_near(&found["metrics"]["rmse"], 0.1, 0.0005);
-    let told: Vec<_> =
+    let reported: Vec<_> =
         stderr.lines().filter(|line| line.contains("20 ms") || line.contains("`thumb`")).collect();
-    snapshot!(told.join("\n"));
+    snapshot!(reported.join("\n"));
 }

@@ -17,7 +17,7 @@ use tracing::warn;
 
 use super::file::ConfigFile;
 use super::keys::{CAMERA_NAME_KEY, excludes, is_on, is_setting, stream_flags};
-use super::{Cli, LogArgs, RunArgs, StreamArgs, SubcommandArgs};
+use super::{Cli, LogArgs, RunArgs, StreamArgs};
 use crate::config::{CameraConfig, Config};
 use crate::exit::BadArguments;
 
@@ -52,7 +52,7 @@ pub struct SettingLayers {
 
 /// Completes a parsed command line with the file that it names, and checks what clap cannot check without it.
 pub(super) fn complete(
-    cli: &mut Cli,
+    (run, logging): (Option<&mut RunCommand>, &mut LogArgs),
     command: &mut Command,
     matches: &ArgMatches,
 ) -> Result<(), clap::Error> {
@@ -65,9 +65,7 @@ pub(super) fn complete(
         Some((key, needed)) => Err(format!("`{key}` needs `{needed}`")),
         None => Ok(()),
     };
-    let (SubcommandArgs::Run(run) | SubcommandArgs::Config(run)) = &mut cli.subcommand else {
-        return unmet(&flags).map_err(refused);
-    };
+    let Some(run) = run else { return unmet(&flags).map_err(refused) };
     let (defaults, environment) = (ValueSource::DefaultValue, ValueSource::EnvVariable);
     run.settings = SettingLayers {
         defaults: table_of(&subcommand, matches, defaults),
@@ -85,7 +83,7 @@ pub(super) fn complete(
         }
     })?;
     run.settings.cameras = cameras;
-    cli.logging = run.settings.parse(run.settings.first()).map_err(in_file)?;
+    *logging = run.settings.parse(run.settings.first()).map_err(in_file)?;
     Ok(())
 }
 

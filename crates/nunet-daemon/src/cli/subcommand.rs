@@ -45,6 +45,16 @@ pub enum SubcommandArgs {
     CheckModel(arguments::CheckModelArgs),
 }
 
+impl SubcommandArgs {
+    /// The subcommand if it takes a configuration file.
+    pub(super) fn configured(&mut self) -> Option<&mut RunCommand> {
+        match self {
+            Self::Run(run) | Self::Config(run) => Some(run),
+            _ => None,
+        }
+    }
+}
+
 /// Runs a subcommand.
 pub(crate) fn dispatch(subcommand: SubcommandArgs) -> anyhow::Result<Outcome> {
     match subcommand {

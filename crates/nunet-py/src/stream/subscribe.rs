@@ -36,8 +36,7 @@ pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 /// topics : sequence of str, optional
 ///     The content of each frame: any of `rgb`, `depth` (the default), `labels`, `confidence`, `cloud`,
 ///     `obstacles` and `stats`. Cloud, labels and obstacles are computed only while there is a subscriber.
-///     `rgb` comes from the camera's own publisher (`nunetd feed`, `nunet_py.publisher`); each image is
-///     joined with the depth that was computed from it.
+///     `rgb` comes from the camera's own publisher (`nunetd feed`, `nunet_py.publisher`), with its depth.
 /// timeout : float, optional
 ///     Seconds to wait for the daemon, and later for each frame. `None` and `math.inf` wait without limit.
 ///
@@ -85,17 +84,16 @@ fn subscribe(
 
 /// The newest frames of a camera: an iterator, an asynchronous iterator and a context manager.
 ///
-/// Each frame holds all subscribed topics of one image. Frames that are older than the newest complete one
-/// when the next is requested are skipped, so a slow loop sees the newest frames and delays no other process.
-/// Waiting takes no CPU time, releases the GIL, and is ended by Ctrl-C. `async for` lets other tasks run
-/// meanwhile; a canceled task loses at most one frame.
+/// Each frame holds all subscribed topics of one image. Frames older than the newest complete one are
+/// skipped, so a slow loop delays no other process. Waiting takes no CPU time, releases the GIL, and is ended
+/// by Ctrl-C. `async for` lets other tasks run; a canceled task loses at most one frame.
 ///
 /// If the daemon ends or is killed, the next frame raises `TimeoutError` with the reason. Once it runs again,
 /// the same subscriber continues. The loop ends when the subscriber is closed.
 ///
 /// Several threads may share a subscriber: each frame goes to one of them, and the limit on held messages
-/// applies to all together. One subscriber per thread is better. A forked process must make its own. Do not
-/// use the package `iceoryx2` in the same process: each would consider the other dead and remove its files.
+/// applies to all. One subscriber per thread is better. A forked process must make its own. Do not use the
+/// package `iceoryx2` in the same process: each would remove the files of the other.
 #[pyclass(frozen, module = "nunet_py")]
 #[derive(Debug)]
 pub(crate) struct Subscriber {
