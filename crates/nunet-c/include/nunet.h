@@ -167,7 +167,8 @@ typedef enum nunet_quality_t {
 
 /** Values of a sector's field `state`. */
 typedef enum nunet_sector_state_t {
-  /** Not known: floor not visible, no valid depth, outside the view, glass, mirror or screen. Never free. */
+  /** Not known: floor not visible, no valid depth, outside the view, glass, mirror or screen. Never
+      free. */
   NUNET_SECTOR_STATE_UNKNOWN = 0,
   /** Nothing: the floor is seen and empty up to `range_m`. */
   NUNET_SECTOR_STATE_FREE = 1,
@@ -356,8 +357,8 @@ typedef struct nunet_point_t {
  * `nunet.v1.ObstacleSector`, 32 bytes.
  */
 typedef struct nunet_obstacle_sector_t {
-  /** Meters from the base's origin up to which the direction is free; what is there is `state`. Nearer than
-      `seen_from_m` nothing was seen. */
+  /** Meters from the base's origin up to which the direction is free; what is there is `state`. Nearer
+      than `seen_from_m` nothing was seen. */
   float range_m;
   /** Meters to the nearest obstacle, also where `state` is another; NaN if none was seen. */
   float obstacle_m;
@@ -415,7 +416,8 @@ typedef struct nunet_obstacles_t {
   uint32_t ground_refined;
   /** 1 if labels identified floor and glass, 0 if only geometry did. */
   uint32_t used_labels;
-  /** The right boundary of the first sector, radians, counterclockwise from x; the sectors follow counterclockwise. */
+  /** The right boundary of the first sector, radians, counterclockwise from x; the sectors follow
+      counterclockwise. */
   float angle_min_rad;
   /** The width of a sector, radians. */
   float angle_step_rad;
@@ -433,7 +435,8 @@ typedef struct nunet_obstacles_t {
   float ground_slope_y;
   /** The ground: height at the origin, meters. */
   float ground_height_m;
-  /** 1 if the mount was turned by the robot's attitude at the capture time, 0 if the robot counts as level. */
+  /** 1 if the mount was turned by the robot's attitude at the capture time, 0 if the robot counts as
+      level. */
   uint32_t used_attitude;
   /** Zero; room for later fields. */
   uint8_t reserved[100];
@@ -684,13 +687,14 @@ typedef enum {
 } nunet_status_t;
 
 /**
- * The publisher of the attitude for a camera. Calls with one publisher run one after the other, from any threads.
+ * The publisher of the attitude for a camera. Calls with one publisher run one after the other, from any
+ * threads.
  */
 typedef struct nunet_attitude_publisher_t nunet_attitude_publisher_t;
 
 /**
- * One message in shared memory, read-only. Its memory does not change until it is released, also after its reader is
- * closed and its publisher has ended. Any thread may read and release it.
+ * One message in shared memory, read-only. Its memory does not change until it is released, also after its
+ * reader is closed and its publisher has ended. Any thread may read and release it.
  */
 typedef struct nunet_frame_t nunet_frame_t;
 
@@ -700,7 +704,8 @@ typedef struct nunet_frame_t nunet_frame_t;
 typedef struct nunet_loan_t nunet_loan_t;
 
 /**
- * The publisher of a camera's topic `rgb`. Calls with one publisher run one after the other, from any threads.
+ * The publisher of a camera's topic `rgb`. Calls with one publisher run one after the other, from any
+ * threads.
  */
 typedef struct nunet_publisher_t nunet_publisher_t;
 
@@ -725,8 +730,8 @@ extern "C" {
 #endif // __cplusplus
 
 /**
- * The error of the last failed call of this thread, usually with a last line `hint: ...`. UTF-8; empty if no call has
- * failed yet. Successful calls do not change it.
+ * The error of the last failed call of this thread, usually with a last line `hint: ...`. UTF-8; empty if no
+ * call has failed yet. Successful calls do not change it.
  *
  * The string belongs to the library and is valid until the next call of this thread fails.
  */
@@ -743,7 +748,8 @@ const char *nunet_status_name(int32_t status);
 const char *nunet_version(void);
 
 /**
- * The version of the shared-memory contract that the library implements. `NUNET_CONTRACT_VERSION` is that of the header.
+ * The version of the shared-memory contract that the library implements. `NUNET_CONTRACT_VERSION` is that of
+ * the header.
  */
 uint32_t nunet_contract_version(void);
 
@@ -757,12 +763,12 @@ int64_t nunet_monotonic_nanos(void);
  * Opens topics of a camera. Waits for its publisher until the timeout.
  *
  * `camera`: the name given to `nunetd --camera`. `topic_bits`: `NUNET_BIT_DEPTH | NUNET_BIT_LABELS | ...`.
- * `timeout_ms`: milliseconds, or `NUNET_FOREVER`. A signal does not end this wait: a program that must react to one
- * calls this repeatedly with a short timeout. `*reader` is the caller's, to be closed with `nunet_reader_close()`; NULL after a
- * failure.
+ * `timeout_ms`: milliseconds, or `NUNET_FOREVER`. A signal does not end this wait: a program that must react
+ * to one calls this repeatedly with a short timeout. `*reader` is the caller's, to be closed with
+ * `nunet_reader_close()`; NULL after a failure.
  *
- * Fails with `NUNET_NOBODY_PUBLISHES` after the timeout, `NUNET_TOO_MANY_READERS`, `NUNET_WRONG_CONTRACT_VERSION`,
- * `NUNET_SYSTEM`, `NUNET_BAD_ARGUMENT`.
+ * Fails with `NUNET_NOBODY_PUBLISHES` after the timeout, `NUNET_TOO_MANY_READERS`,
+ * `NUNET_WRONG_CONTRACT_VERSION`, `NUNET_SYSTEM`, `NUNET_BAD_ARGUMENT`.
  */
 nunet_status_t nunet_reader_open(const char *camera,
                                  uint32_t topic_bits,
@@ -770,28 +776,28 @@ nunet_status_t nunet_reader_open(const char *camera,
                                  nunet_reader_t **reader);
 
 /**
- * Sleeps until there may be a new frame, or the time is over. Only a hint, for programs with their own loop: look for
- * frames whatever it returns. `nunet_reader_next()` waits by itself.
+ * Sleeps until there may be a new frame, or the time is over. Only a hint, for programs with their own loop:
+ * look for frames whatever it returns. `nunet_reader_next()` waits by itself.
  *
- * `woken` (may be NULL): whether a publisher sent something, started or ended. A signal ends the sleep early.
+ * `woken` (may be NULL): whether a publisher sent something, started or ended. A signal ends the sleep
+ * early.
  *
  * Fails with `NUNET_CLOSED`, also when another thread closes the reader meanwhile; `NUNET_SYSTEM`,
  * `NUNET_BAD_ARGUMENT`.
  */
-nunet_status_t nunet_reader_wait(const nunet_reader_t *reader,
-                                 uint32_t timeout_ms,
-                                 bool *woken);
+nunet_status_t nunet_reader_wait(const nunet_reader_t *reader, uint32_t timeout_ms, bool *woken);
 
 /**
- * The newest frame of a topic that was not returned yet. Sleeps until there is one. Older frames are skipped.
+ * The newest frame of a topic that was not returned yet. Sleeps until there is one. Older frames are
+ * skipped.
  *
  * `topic`: a `nunet_topic_t`. `timeout_ms`: milliseconds; 0 does not wait. `*frame` is the caller's, to be
- * released with `nunet_frame_release()`; NULL after a failure. A reader may hold a few frames of a topic at a time,
- * by default 2.
+ * released with `nunet_frame_release()`; NULL after a failure. A reader may hold a few frames of a topic at
+ * a time, by default 2.
  *
  * Fails with `NUNET_TIMEOUT`; `NUNET_INTERRUPTED` when a signal handler ran while it waited;
- * `NUNET_TOO_MANY_FRAMES_HELD` when there is a frame but the caller holds as many as it may; `NUNET_NO_SUCH_TOPIC`,
- * `NUNET_BAD_MESSAGE`, `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
+ * `NUNET_TOO_MANY_FRAMES_HELD` when there is a frame but the caller holds as many as it may;
+ * `NUNET_NO_SUCH_TOPIC`, `NUNET_BAD_MESSAGE`, `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
  */
 nunet_status_t nunet_reader_next(const nunet_reader_t *reader,
                                  uint32_t topic,
@@ -799,22 +805,23 @@ nunet_status_t nunet_reader_next(const nunet_reader_t *reader,
                                  nunet_frame_t **frame);
 
 /**
- * The newest frames of all the reader's topics that belong together: all with one `sequence` and one `capture_nanos`.
- * Waits for them as `nunet_reader_next()` does, which alone returns `stats` and `attitude`.
+ * The newest frames of all the reader's topics that belong together: all with one `sequence` and one
+ * `capture_nanos`. Waits for them as `nunet_reader_next()` does, which alone returns `stats` and `attitude`.
  *
- * `set->frames[NUNET_TOPIC_...]`: a frame for each such topic that was opened, NULL for the others, all NULL after a
- * failure. They are the caller's: release each with `nunet_frame_release()`, or all with `nunet_set_release()`.
+ * `set->frames[NUNET_TOPIC_...]`: a frame for each such topic that was opened, NULL for the others, all NULL
+ * after a failure. They are the caller's: release each with `nunet_frame_release()`, or all with
+ * `nunet_set_release()`.
  *
  * Fails as `nunet_reader_next()` does.
  */
-nunet_status_t nunet_reader_next_set(const nunet_reader_t *reader,
-                                     uint32_t timeout_ms,
-                                     nunet_set_t *set);
+nunet_status_t nunet_reader_next_set(const nunet_reader_t *reader, uint32_t timeout_ms, nunet_set_t *set);
 
 /**
- * The process that publishes a topic. It reads the file system, so call it when no frames arrive, not for every frame.
+ * The process that publishes a topic. It reads the file system, so call it when no frames arrive, not for
+ * every frame.
  *
- * `pid` (may be NULL): 0 when there is none. `alive` (may be NULL): false when there is none, or it was killed.
+ * `pid` (may be NULL): 0 when there is none. `alive` (may be NULL): false when there is none, or it was
+ * killed.
  *
  * Fails with `NUNET_NO_SUCH_TOPIC`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
  */
@@ -824,9 +831,9 @@ nunet_status_t nunet_reader_publisher(const nunet_reader_t *reader,
                                       bool *alive);
 
 /**
- * Whether a living process publishes each of the reader's topics; as costly as `nunet_reader_publisher()`. A reader that
- * is not connected need not be opened again: it receives the frames of the next publisher. False for a reader that is closed
- * or NULL.
+ * Whether a living process publishes each of the reader's topics; as costly as `nunet_reader_publisher()`. A
+ * reader that is not connected need not be opened again: it receives the frames of the next publisher. False
+ * for a reader that is closed or NULL.
  */
 bool nunet_reader_is_connected(const nunet_reader_t *reader);
 
@@ -854,23 +861,23 @@ nunet_status_t nunet_frame_header(const nunet_frame_t *frame, const nunet_header
 nunet_status_t nunet_frame_bytes(const nunet_frame_t *frame, const void **bytes, size_t *byte_count);
 
 /**
- * The time since capture, in nanoseconds: by the monotonic clock where the camera uses it, otherwise by the time of day.
+ * The time since capture, in nanoseconds: by the monotonic clock where the camera uses it, otherwise by the
+ * time of day.
  *
  * `*age_nanos` is `INT64_MIN` where the sender knows neither.
  *
  * Fails with `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
  */
-nunet_status_t nunet_frame_age(const nunet_frame_t *frame,
-                               int64_t *age_nanos);
+nunet_status_t nunet_frame_age(const nunet_frame_t *frame, int64_t *age_nanos);
 
 /**
- * A depth map: `height` rows from the top of `width` floats, in the header's units (usually meters), NaN where there
- * is no measurement.
+ * A depth map: `height` rows from the top of `width` floats, in the header's units (usually meters), NaN
+ * where there is no measurement.
  *
  * `*depth` is valid until the frame is released; NULL after a failure. `width` and `height` may be NULL.
  *
- * Fails with `NUNET_WRONG_ENCODING` when it is something else, `NUNET_BAD_MESSAGE` when its size is not that of its
- * header.
+ * Fails with `NUNET_WRONG_ENCODING` when it is something else, `NUNET_BAD_MESSAGE` when its size is not that
+ * of its header.
  */
 nunet_status_t nunet_frame_depth(const nunet_frame_t *frame,
                                  const float **depth,
@@ -878,7 +885,8 @@ nunet_status_t nunet_frame_depth(const nunet_frame_t *frame,
                                  uint32_t *height);
 
 /**
- * The class of each pixel: `height` rows from the top of `width` bytes. `nunetd inspect MODEL` names the classes.
+ * The class of each pixel: `height` rows from the top of `width` bytes. `nunetd inspect MODEL` names the
+ * classes.
  *
  * Pointers and failures as in `nunet_frame_depth()`.
  */
@@ -888,8 +896,8 @@ nunet_status_t nunet_frame_labels(const nunet_frame_t *frame,
                                   uint32_t *height);
 
 /**
- * The confidence of each pixel's depth: `height` rows from the top of `width` bytes, 255 = certain, 0 where there is no
- * measurement.
+ * The confidence of each pixel's depth: `height` rows from the top of `width` bytes, 255 = certain, 0 where
+ * there is no measurement.
  *
  * Pointers and failures as in `nunet_frame_depth()`.
  */
@@ -899,8 +907,8 @@ nunet_status_t nunet_frame_confidence(const nunet_frame_t *frame,
                                       uint32_t *height);
 
 /**
- * A cloud: `height` rows from the top of `width` points in the camera's optical frame (x right, y down, z forward), in
- * the header's units; NaN where there is no measurement.
+ * A cloud: `height` rows from the top of `width` points in the camera's optical frame (x right, y down, z
+ * forward), in the header's units; NaN where there is no measurement.
  *
  * Pointers and failures as in `nunet_frame_depth()`.
  */
@@ -921,24 +929,22 @@ nunet_status_t nunet_frame_stats(const nunet_frame_t *frame, const nunet_stats_t
 /**
  * The obstacles around the robot, from a frame of the topic `obstacles`.
  *
- * `*obstacles` is valid until the frame is released; NULL after a failure. Only the first `sector_count` sectors and
- * `point_count` points mean something.
+ * `*obstacles` is valid until the frame is released; NULL after a failure. Only the first `sector_count`
+ * sectors and `point_count` points mean something.
  *
  * Fails with `NUNET_WRONG_ENCODING`, `NUNET_BAD_MESSAGE`.
  */
-nunet_status_t nunet_frame_obstacles(const nunet_frame_t *frame,
-                                     const nunet_obstacles_t **obstacles);
+nunet_status_t nunet_frame_obstacles(const nunet_frame_t *frame, const nunet_obstacles_t **obstacles);
 
 /**
  * The attitude of the robot's base, from a frame of the topic `attitude`.
  *
- * `*attitude` is valid until the frame is released; NULL after a failure. Only the first `sample_count` samples mean
- * something.
+ * `*attitude` is valid until the frame is released; NULL after a failure. Only the first `sample_count`
+ * samples mean something.
  *
  * Fails with `NUNET_WRONG_ENCODING`, `NUNET_BAD_MESSAGE`.
  */
-nunet_status_t nunet_frame_attitude(const nunet_frame_t *frame,
-                                    const nunet_attitude_t **attitude);
+nunet_status_t nunet_frame_attitude(const nunet_frame_t *frame, const nunet_attitude_t **attitude);
 
 /**
  * Releases a frame. Pointers into it are no longer valid. NULL is allowed.
@@ -948,23 +954,24 @@ nunet_status_t nunet_frame_attitude(const nunet_frame_t *frame,
 nunet_status_t nunet_frame_release(nunet_frame_t *frame);
 
 /**
- * Releases all frames of a set and sets its pointers to NULL. To keep a frame longer, copy its pointer and set the one in
- * the set to NULL first. NULL is allowed.
+ * Releases all frames of a set and sets its pointers to NULL. To keep a frame longer, copy its pointer and
+ * set the one in the set to NULL first. NULL is allowed.
  *
  * Fails with `NUNET_CLOSED` when one of them was released before; the others are released anyway.
  */
 nunet_status_t nunet_set_release(nunet_set_t *set);
 
 /**
- * Becomes the publisher of a camera, whose images `nunetd --source shm:CAMERA` reads; reserves the shared memory
- * for them.
+ * Becomes the publisher of a camera, whose images `nunetd --source shm:CAMERA` reads; reserves the shared
+ * memory for them.
  *
  * `encoding`: a `nunet_encoding_t` of images (rgb8, bgr8, mono8, yuyv, nv12). `width`, `height`: pixels.
- * `max_readers`: how many may read the camera at a time; 0 for 4, and at most 64. `*publisher` is the caller's, to be
- * closed with `nunet_publisher_close()`; NULL after a failure.
+ * `max_readers`: how many may read the camera at a time; 0 for 4, and at most 64. `*publisher` is the
+ * caller's, to be closed with `nunet_publisher_close()`; NULL after a failure.
  *
- * Fails with `NUNET_ALREADY_PUBLISHED` when another process publishes this camera, `NUNET_SHARED_MEMORY` when its memory
- * does not fit, `NUNET_OTHER_LIMITS`, `NUNET_WRONG_CONTRACT_VERSION`, `NUNET_SYSTEM`, `NUNET_BAD_ARGUMENT`.
+ * Fails with `NUNET_ALREADY_PUBLISHED` when another process publishes this camera, `NUNET_SHARED_MEMORY`
+ * when its memory does not fit, `NUNET_OTHER_LIMITS`, `NUNET_WRONG_CONTRACT_VERSION`, `NUNET_SYSTEM`,
+ * `NUNET_BAD_ARGUMENT`.
  */
 nunet_status_t nunet_publisher_open(const char *camera,
                                     uint32_t encoding,
@@ -974,12 +981,12 @@ nunet_status_t nunet_publisher_open(const char *camera,
                                     nunet_publisher_t **publisher);
 
 /**
- * Sets the camera's intrinsics, which every later image carries. They are needed for depth in meters; without this call
- * the camera is unknown.
+ * Sets the camera's intrinsics, which every later image carries. They are needed for depth in meters;
+ * without this call the camera is unknown.
  *
- * `fx`, `fy`: focal lengths in pixels at the publisher's size. `cx`, `cy`: principal point in pixels; the center of
- * the first pixel is 0. `distortion_model`: a `nunet_distortion_model_t`; `coefficients`: `coefficient_count` of its
- * coefficients (at most 14; `NUNET_DISTORTION_MODEL_NONE` has none), copied.
+ * `fx`, `fy`: focal lengths in pixels at the publisher's size. `cx`, `cy`: principal point in pixels; the
+ * center of the first pixel is 0. `distortion_model`: a `nunet_distortion_model_t`; `coefficients`:
+ * `coefficient_count` of its coefficients (at most 14; `NUNET_DISTORTION_MODEL_NONE` has none), copied.
  *
  * Fails with `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
  */
@@ -993,32 +1000,32 @@ nunet_status_t nunet_publisher_set_camera(const nunet_publisher_t *publisher,
                                           size_t coefficient_count);
 
 /**
- * Sets the name of the camera's coordinate frame, which every later image carries: UTF-8, at most 64 bytes, copied.
+ * Sets the name of the camera's coordinate frame, which every later image carries: UTF-8, at most 64 bytes,
+ * copied.
  *
  * Fails with `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
  */
-nunet_status_t nunet_publisher_set_frame_id(const nunet_publisher_t *publisher,
-                                            const char *frame_id);
+nunet_status_t nunet_publisher_set_frame_id(const nunet_publisher_t *publisher, const char *frame_id);
 
 /**
- * Borrows the memory of the next image, to be filled in place: readers see the same memory, and nothing is copied.
- * One loan may be open at a time.
+ * Borrows the memory of the next image, to be filled in place: readers see the same memory, and nothing is
+ * copied. One loan may be open at a time.
  *
- * `*loan` is the caller's, to be sent with `nunet_loan_send()` or given back with `nunet_loan_release()`; NULL after
- * a failure.
+ * `*loan` is the caller's, to be sent with `nunet_loan_send()` or given back with `nunet_loan_release()`;
+ * NULL after a failure.
  *
  * Fails with `NUNET_TOO_MANY_LOANS`, `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
  */
-nunet_status_t nunet_publisher_loan(const nunet_publisher_t *publisher,
-                                    nunet_loan_t **loan);
+nunet_status_t nunet_publisher_loan(const nunet_publisher_t *publisher, nunet_loan_t **loan);
 
 /**
  * Publishes a copy of an image that is in other memory already; `nunet_publisher_loan()` avoids the copy.
  *
- * `bytes`: `byte_count` of them, exactly as many as an image of the publisher's size and encoding has without
- * padding between rows. `clock` and `capture_nanos` as in `nunet_loan_send()`.
+ * `bytes`: `byte_count` of them, exactly as many as an image of the publisher's size and encoding has
+ * without padding between rows. `clock` and `capture_nanos` as in `nunet_loan_send()`.
  *
- * Fails with `NUNET_TOO_MANY_LOANS` while a loan is open, `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
+ * Fails with `NUNET_TOO_MANY_LOANS` while a loan is open, `NUNET_SYSTEM`, `NUNET_CLOSED`,
+ * `NUNET_BAD_ARGUMENT`.
  */
 nunet_status_t nunet_publisher_publish(const nunet_publisher_t *publisher,
                                        const void *bytes,
@@ -1027,64 +1034,61 @@ nunet_status_t nunet_publisher_publish(const nunet_publisher_t *publisher,
                                        int64_t capture_nanos);
 
 /**
- * Whether the camera has readers: an image without readers need not be computed. A killed reader counts until some
- * process cleans up after it. False for a publisher that is closed or NULL.
+ * Whether the camera has readers: an image without readers need not be computed. A killed reader counts
+ * until some process cleans up after it. False for a publisher that is closed or NULL.
  */
 bool nunet_publisher_has_readers(const nunet_publisher_t *publisher);
 
 /**
- * Sends the newest image to readers that opened since. Sending an image does the same: this is for sources that are
- * paused; call it a few times per second.
+ * Sends the newest image to readers that opened since. Sending an image does the same: this is for sources
+ * that are paused; call it a few times per second.
  *
  * Fails with `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
  */
 nunet_status_t nunet_publisher_refresh(const nunet_publisher_t *publisher);
 
 /**
- * Closes a publisher, so that the camera may have another one. An open loan can only be released afterwards, and keeps the
- * camera until it is. NULL is allowed.
+ * Closes a publisher, so that the camera may have another one. An open loan can only be released afterwards,
+ * and keeps the camera until it is. NULL is allowed.
  *
  * Fails with `NUNET_CLOSED` when it was closed before.
  */
 nunet_status_t nunet_publisher_close(nunet_publisher_t *publisher);
 
 /**
- * The header of an image that is not sent yet. Size, encoding, sequence number, and what was set for the publisher
- * are filled in; the rest is zero. It may be changed; `topic`, `payload_bytes`, `contract_version` and the times are
- * written again by `nunet_loan_send()`. The numbers of later images continue from `sequence`.
+ * The header of an image that is not sent yet. Size, encoding, sequence number, and what was set for the
+ * publisher are filled in; the rest is zero. It may be changed; `topic`, `payload_bytes`, `contract_version`
+ * and the times are written again by `nunet_loan_send()`. The numbers of later images continue from
+ * `sequence`.
  *
  * `*header` is valid until the loan is sent or released; NULL after a failure.
  *
  * Fails with `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
  */
-nunet_status_t nunet_loan_header(const nunet_loan_t *loan,
-                                 nunet_header_t **header);
+nunet_status_t nunet_loan_header(const nunet_loan_t *loan, nunet_header_t **header);
 
 /**
- * The pixels of an image that is not sent yet, aligned to 64 bytes: rows from the top without padding. They still
- * contain an earlier image.
+ * The pixels of an image that is not sent yet, aligned to 64 bytes: rows from the top without padding. They
+ * still contain an earlier image.
  *
  * `*bytes` is valid until the loan is sent or released; NULL after a failure. `byte_count` may be NULL.
  *
  * Fails with `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
  */
-nunet_status_t nunet_loan_bytes(const nunet_loan_t *loan,
-                                void **bytes,
-                                size_t *byte_count);
+nunet_status_t nunet_loan_bytes(const nunet_loan_t *loan, void **bytes, size_t *byte_count);
 
 /**
  * Sends an image and wakes its readers. The loan is closed, also when this fails.
  *
- * `clock`: the `nunet_clock_t` that `capture_nanos` was read from; `NUNET_CLOCK_MONOTONIC` for V4L2's times and
- * `nunet_monotonic_nanos()`. `capture_nanos`: the capture time, 0 or more; a reader of several topics joins frames with one
- * `sequence` and one `capture_nanos`. `capture_unix_nanos` is computed where it was left 0; with `NUNET_CLOCK_MEDIA` it
- * is the time of this call.
+ * `clock`: the `nunet_clock_t` that `capture_nanos` was read from; `NUNET_CLOCK_MONOTONIC` for V4L2's times
+ * and `nunet_monotonic_nanos()`. `capture_nanos`: the capture time, 0 or more; a reader of several topics
+ * joins frames with one `sequence` and one `capture_nanos`. `capture_unix_nanos` is computed where it was
+ * left 0; with `NUNET_CLOCK_MEDIA` it is the time of this call.
  *
- * Fails with `NUNET_CLOSED`, also when the publisher was closed before; `NUNET_SYSTEM`, `NUNET_BAD_ARGUMENT`.
+ * Fails with `NUNET_CLOSED`, also when the publisher was closed before; `NUNET_SYSTEM`,
+ * `NUNET_BAD_ARGUMENT`.
  */
-nunet_status_t nunet_loan_send(nunet_loan_t *loan,
-                               uint32_t clock,
-                               int64_t capture_nanos);
+nunet_status_t nunet_loan_send(nunet_loan_t *loan, uint32_t clock, int64_t capture_nanos);
 
 /**
  * Returns a loan without sending it. NULL is allowed.
@@ -1094,27 +1098,26 @@ nunet_status_t nunet_loan_send(nunet_loan_t *loan,
 nunet_status_t nunet_loan_release(nunet_loan_t *loan);
 
 /**
- * Becomes the publisher of the attitude of the robot's base for a camera, which `nunetd --attitude shm` reads.
+ * Becomes the publisher of the attitude of the robot's base for a camera, which `nunetd --attitude shm`
+ * reads.
  *
  * `clock`: a `nunet_clock_t`, that of the samples' times. `*attitude` is the caller's, to be closed with
  * `nunet_attitude_close()`; NULL after a failure.
  *
- * Fails with `NUNET_ALREADY_PUBLISHED` when another process publishes it, `NUNET_SHARED_MEMORY`, `NUNET_OTHER_LIMITS`,
- * `NUNET_WRONG_CONTRACT_VERSION`, `NUNET_SYSTEM`, `NUNET_BAD_ARGUMENT`.
+ * Fails with `NUNET_ALREADY_PUBLISHED` when another process publishes it, `NUNET_SHARED_MEMORY`,
+ * `NUNET_OTHER_LIMITS`, `NUNET_WRONG_CONTRACT_VERSION`, `NUNET_SYSTEM`, `NUNET_BAD_ARGUMENT`.
  */
-nunet_status_t nunet_attitude_open(const char *camera,
-                                   uint32_t clock,
-                                   nunet_attitude_publisher_t **attitude);
+nunet_status_t nunet_attitude_open(const char *camera, uint32_t clock, nunet_attitude_publisher_t **attitude);
 
 /**
  * Publishes a sample. Call it for each measurement of the sensor, about 50 to 200 times per second.
  *
- * `capture_nanos`: when it was measured, nanoseconds of the publisher's clock (`nunet_monotonic_nanos()`). `roll_rad`,
- * `pitch_rad`: rotation of the base about x (forward) and y (left), radians; a positive roll lowers the right side, a positive
- * pitch the front.
+ * `capture_nanos`: when it was measured, nanoseconds of the publisher's clock (`nunet_monotonic_nanos()`).
+ * `roll_rad`, `pitch_rad`: rotation of the base about x (forward) and y (left), radians; a positive roll
+ * lowers the right side, a positive pitch the front.
  *
- * Fails with `NUNET_BAD_ARGUMENT` for an angle that is not a number or is beyond a turn and for a negative time,
- * `NUNET_SYSTEM`, `NUNET_CLOSED`.
+ * Fails with `NUNET_BAD_ARGUMENT` for an angle that is not a number or is beyond a turn and for a negative
+ * time, `NUNET_SYSTEM`, `NUNET_CLOSED`.
  */
 nunet_status_t nunet_attitude_publish(const nunet_attitude_publisher_t *attitude,
                                       int64_t capture_nanos,
