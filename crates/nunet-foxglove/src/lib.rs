@@ -3,6 +3,8 @@
 //! | module | what it contains |
 //! |---|---|
 //! | `server` | the server: one thread, and the sinks of its cameras |
+//! | `relay` | connections: how many, how long without a request, how many bytes |
+//! | `library` | the library's server behind it |
 //! | `channels` | a channel for each topic of a recording, with the same messages |
 //! | `kept` | messages for clients that subscribe later, such as transforms |
 //! | `parameters` | what clients can read beside messages: rate, scale |
@@ -18,7 +20,11 @@ mod error;
 #[cfg(feature = "server")]
 mod kept;
 #[cfg(feature = "server")]
+mod library;
+#[cfg(feature = "server")]
 mod parameters;
+#[cfg(feature = "server")]
+mod relay;
 #[cfg(feature = "server")]
 pub mod server;
 #[cfg(feature = "server")]
@@ -31,6 +37,12 @@ pub use absent::FoxgloveServer;
 pub use error::{FoxgloveServerError, FoxgloveServerErrorKind};
 #[cfg(feature = "server")]
 pub use server::FoxgloveServer;
+
+/// More clients at a time are refused.
+pub const MAX_CLIENTS: usize = 16;
+/// A client that has sent this many bytes is disconnected, so that the library cannot collect more of one.
+/// The requests of a session have a few kilobytes.
+pub const MAX_CLIENT_BYTES: u64 = 1 << 20;
 
 /// Where the server listens.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

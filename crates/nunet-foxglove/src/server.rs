@@ -1,20 +1,24 @@
 //! The server: one thread, one socket.
 
-use std::net::{IpAddr, SocketAddr};
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use foxglove::{Context, FoxgloveError, WebSocketServer, WebSocketServerHandle};
+use foxglove::Context;
 use nunet_ros2::{CameraOptions, Ros2Node, Topic, Topics};
 use nunet_sink::sink::Sink;
+use tokio::net::TcpListener;
 use tokio::sync::oneshot;
+use tokio::time::MissedTickBehavior;
 
 use crate::FoxgloveConfig;
 use crate::channels::{Channels, NETWORK};
 use crate::error::FoxgloveServerError;
 use crate::kept::KeptMessages;
+use crate::library::{Library, LibrarySetup};
 use crate::parameters::Parameters;
+use crate::relay::{self, Clients};
 use crate::sink::FoxgloveSink;
 
 /// How often clients get parameters that have changed.
@@ -43,29 +47,25 @@ impl FoxgloveServer {
         config.check()?;
         let (context, kept) = (Context::new(), Arc::<KeptMessages>::default());
         let parameters = Arc::<Parameters>::default();
-        let host = match config.address.ip() {
-            IpAddr::V4(ip) => ip.to_string(),
-            IpAddr::V6(ip) => format!("[{ip}]"),
-        };
-        let server = WebSocketServer::new()
-            .name("nunetd")
-            .bind(host, config.address.port())
-            .message_backlog_size(Topic::RECORDED.len() * cameras.max(1))
-            .listener(kept.clone())
-            .parameter_handler(parameters.clone())
-            .context(&context);
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
         let runtime = runtime.map_err(FoxgloveServerError::Thread)?;
-        // Its tasks run on this runtime, because it is started there.
-        let handle = runtime.block_on(server.start()).map_err(|error| match error {
-            FoxgloveError::Bind(source) => FoxgloveServerError::Listen { address: config.address, source },
-            error => FoxgloveServerError::Library { reason: error.to_string() },
-        })?;
-        let address = SocketAddr::new(config.address.ip(), handle.port());
+        let cannot_listen = |source| FoxgloveServerError::Listen { address: config.address, source };
+        let listener = {
+            let _entered = runtime.enter();
+            relay::listen(config.address).map_err(cannot_listen)?
+        };
+        let address = listener.local_addr().map_err(cannot_listen)?;
+        let setup = LibrarySetup {
+            context: Arc::clone(&context),
+            kept: Arc::clone(&kept),
+            parameters: Arc::clone(&parameters),
+            backlog: Topic::RECORDED.len() * cameras.max(1),
+        };
+        let library = runtime.block_on(Library::start(setup));
+        let library = library.map_err(|error| FoxgloveServerError::Library { reason: error.to_string() })?;
         let channels = Channels::new(context, kept, runtime.handle().clone());
         let (stop, stopped) = oneshot::channel();
-        let served = Arc::clone(&parameters);
-        let serve = move || runtime.block_on(serve(handle, &served, stopped));
+        let serve = move || runtime.block_on(serve(listener, library, stopped));
         let thread = std::thread::Builder::new().name("foxglove".to_owned()).spawn(serve);
         let thread = Some(thread.map_err(FoxgloveServerError::Thread)?);
         let node = Ros2Node::over(Arc::new(channels), NETWORK, Topics::Recorded);
@@ -98,20 +98,23 @@ impl Drop for FoxgloveServer {
     }
 }
 
-/// Sends parameters to clients that subscribe to them, until it is stopped.
-async fn serve(server: WebSocketServerHandle, parameters: &Parameters, mut stopped: oneshot::Receiver<()>) {
-    let mut last = Vec::new();
+/// Accepts clients and keeps their parameters current, until it is stopped.
+async fn serve(listener: TcpListener, mut library: Library, mut stopped: oneshot::Receiver<()>) {
+    let mut clients = Clients::default();
+    let mut period = tokio::time::interval(PARAMETER_PERIOD);
+    period.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
         tokio::select! {
             _ = &mut stopped => break,
-            () = tokio::time::sleep(PARAMETER_PERIOD) => {}
-        }
-        let current = parameters.all();
-        if current != last {
-            server.publish_parameter_values(current.clone());
-            last = current;
+            _ = period.tick() => library.publish_parameters(),
+            accepted = listener.accept() => clients.admit(accepted, &mut library).await,
         }
     }
+    drop(listener);
+    let farewell = async {
+        library.stop().await;
+        clients.all_gone().await;
+    };
     // Connections that are left end with the runtime.
-    let _ = tokio::time::timeout(STOP_TIMEOUT, server.stop().wait()).await;
+    let _ = tokio::time::timeout(STOP_TIMEOUT, farewell).await;
 }

@@ -10,7 +10,9 @@ use std::time::{Duration, Instant};
 use futures_util::{SinkExt as _, StreamExt as _};
 use nunet_core::camera::{Camera, Intrinsics};
 use nunet_core::depth::{DepthEncoding, Scale};
-use nunet_foxglove::{FoxgloveConfig, FoxgloveServer, FoxgloveServerErrorKind};
+use nunet_foxglove::{
+    FoxgloveConfig, FoxgloveServer, FoxgloveServerErrorKind, MAX_CLIENT_BYTES, MAX_CLIENTS,
+};
 use nunet_mcap::ros::definition;
 use nunet_mcap::{CameraMount, RecordedImage, TopicDecoder};
 use nunet_ros2::CameraOptions;
@@ -20,6 +22,8 @@ use nunet_source::Frame;
 use nunet_telemetry::{Counts, MessageCounts, Totals};
 use nunet_types::{Hint as _, ImageSize, PixelRect};
 use serde_json::{Value, json};
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::net::TcpStream;
 use tokio_tungstenite::WebSocketStream;
 use tokio_tungstenite::tungstenite::Message;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest as _;
@@ -84,19 +88,30 @@ fn block_on<T>(future: impl Future<Output = T>) -> T {
     runtime.block_on(async { tokio::time::timeout(TIMEOUT, future).await.expect("it takes too long") })
 }
 
+/// A connection; none if it is refused.
+async fn handshake(address: SocketAddr) -> Option<WebSocketStream<TcpStream>> {
+    let stream = TcpStream::connect(address).await.unwrap();
+    let mut request = format!("ws://{address}/").into_client_request().unwrap();
+    request.headers_mut().insert("sec-websocket-protocol", "foxglove.sdk.v1".parse().unwrap());
+    Some(tokio_tungstenite::client_async(request, stream).await.ok()?.0)
+}
+
+/// Reads until the server closes the connection.
+async fn read_to_end(stream: &mut TcpStream) {
+    let mut bytes = [0; 4096];
+    while stream.read(&mut bytes).await.is_ok_and(|length| length > 0) {}
+}
+
 /// A client, and the channels that it knows.
 struct Client {
-    socket: WebSocketStream<tokio::net::TcpStream>,
+    socket: WebSocketStream<TcpStream>,
     channels: BTreeMap<String, Value>,
 }
 
 impl Client {
     /// Connects, and waits for `channels` channels.
     async fn connect(address: SocketAddr, channels: usize) -> Self {
-        let stream = tokio::net::TcpStream::connect(address).await.unwrap();
-        let mut request = format!("ws://{address}/").into_client_request().unwrap();
-        request.headers_mut().insert("sec-websocket-protocol", "foxglove.sdk.v1".parse().unwrap());
-        let socket = tokio_tungstenite::client_async(request, stream).await.unwrap().0;
+        let socket = handshake(address).await.expect("it is refused");
         let mut client = Self { socket, channels: BTreeMap::new() };
         while client.channels.len() < channels {
             let advertised = client.report("advertise").await;
@@ -277,6 +292,56 @@ fn clients_that_stall_die_or_send_nonsense_do_not_disturb_others() {
     });
     drop(sink);
     drop(server);
+}
+
+#[test]
+fn more_clients_than_the_limit_are_refused_until_one_leaves() {
+    let server = server();
+    block_on(async {
+        let mut clients = Vec::new();
+        for _ in 0..MAX_CLIENTS {
+            clients.push(Client::connect(server.address(), 0).await);
+        }
+        assert!(handshake(server.address()).await.is_none());
+        drop(clients.pop());
+        while handshake(server.address()).await.is_none() {
+            tokio::time::sleep(Duration::from_millis(5)).await;
+        }
+    });
+}
+
+#[test]
+fn a_connection_without_a_complete_request_is_closed() {
+    let server = server();
+    block_on(async {
+        let mut silent = Vec::new();
+        for request in ["", "\r\n\r\n", "GET / HTTP/1.1\r\nHost: robot\r\n"] {
+            let mut stream = TcpStream::connect(server.address()).await.unwrap();
+            stream.write_all(request.as_bytes()).await.unwrap();
+            silent.push(stream);
+        }
+        for stream in &mut silent {
+            read_to_end(stream).await;
+        }
+    });
+}
+
+#[test]
+fn a_client_that_does_not_finish_a_message_is_disconnected() {
+    let server = server();
+    block_on(async {
+        let mut socket = handshake(server.address()).await.unwrap();
+        let stream = socket.get_mut();
+        // A masked binary message of 48 MiB: the library would take up to 64 MiB.
+        let header = [[0x82, 0xff].as_slice(), &(48_u64 << 20).to_be_bytes(), &[0; 4]].concat();
+        stream.write_all(&header).await.unwrap();
+        let mut sent = 0;
+        while sent < 4 * MAX_CLIENT_BYTES && stream.write_all(&[0; 1 << 16]).await.is_ok() {
+            sent += 1 << 16;
+        }
+        read_to_end(stream).await;
+        assert!(handshake(server.address()).await.is_some(), "others are served");
+    });
 }
 
 #[test]
