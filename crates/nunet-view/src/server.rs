@@ -93,6 +93,7 @@ impl ViewServer {
     }
 
     /// Adds a camera with the names of its classes, by label. One of the same name is replaced.
+    /// `_page` is the name of the page's files.
     #[must_use]
     pub fn add_camera(&self, name: &str, classes: &[String]) -> CameraFeed {
         self.cameras.add(name, classes)

@@ -367,13 +367,33 @@ fn malformed_frames(address: SocketAddr) {
 }
 
 #[test]
+fn a_camera_can_have_any_name_and_the_page_keeps_its_files() {
+    let server = ViewServer::open(loopback(), ViewOptions::default()).unwrap();
+    let address = server.address();
+    for name in ["page", "api", "ws", "metrics"] {
+        let mut feed = server.add_camera(name, &[]);
+        offer(&mut feed, 3);
+        for file in ["image.mjpeg", "depth.mjpeg"] {
+            let request = format!("GET /{name}/{file} HTTP/1.1\r\nHost: {address}\r\n\r\n");
+            assert_eq!(status_of(&ask_up_to(address, &request, 20)), StatusCode::OK, "/{name}/{file}");
+        }
+    }
+    let page = String::from_utf8(get(address, "/", "")).unwrap();
+    let files: Vec<&str> = page.split('"').filter(|word| word.starts_with('/') && word.len() > 1).collect();
+    assert!(files.len() >= 3, "{files:?}");
+    for file in files {
+        assert_eq!(status_of(&get(address, file, "")), StatusCode::OK, "{file}");
+    }
+}
+
+#[test]
 fn an_upgrade_that_is_none_and_unknown_paths_are_refused() {
     let (server, _feed) = server();
     let address = server.address();
     assert_eq!(status_of(&get(address, "/ws", "")), StatusCode::BAD_REQUEST);
     assert_eq!(status_of(&get(address, "/nothing", "")), StatusCode::NOT_FOUND);
-    assert_eq!(status_of(&get(address, "/page/../lib.rs", "")), StatusCode::NOT_FOUND);
-    assert_eq!(status_of(&get(address, "/page/%2e%2e%2flib.rs", "")), StatusCode::NOT_FOUND);
+    assert_eq!(status_of(&get(address, "/_page/../lib.rs", "")), StatusCode::NOT_FOUND);
+    assert_eq!(status_of(&get(address, "/_page/%2e%2e%2flib.rs", "")), StatusCode::NOT_FOUND);
     let answer = get(address, "/rear/frame.jpg", "");
     assert!(answer.ends_with(b"there is no camera `rear`, expected one of: `front`\n"));
     let post =
@@ -493,7 +513,7 @@ fn every_request_without_the_token_is_refused() {
     let _feed = server.add_camera("front", &[]);
     let address = server.address();
     let targets =
-        ["/", "/api/cameras", "/metrics", "/ws", "/front/frame.jpg", "/front/image.mjpeg", "/page/main.js"];
+        ["/", "/api/cameras", "/metrics", "/ws", "/front/frame.jpg", "/front/image.mjpeg", "/_page/main.js"];
     for target in targets {
         for (suffix, headers) in [
             ("", ""),

@@ -114,7 +114,7 @@ fn without_token(token: &Token, request: &Request, port: u16) -> Option<Response
         return None;
     }
     // The style sheet of the page that asks for the token.
-    if uri.path() == "/page/style.css" {
+    if uri.path() == "/_page/style.css" {
         return None;
     }
     let wants_page = is_page

@@ -50,7 +50,8 @@ impl ServerState {
 pub(crate) fn router(shared: ServerState) -> Router {
     Router::new()
         .route("/", get(page::index))
-        .route("/page/{file}", get(page::asset))
+        // No camera has this name: names begin with a letter or a digit.
+        .route("/_page/{file}", get(page::asset))
         .route("/api/cameras", get(api::cameras))
         .route("/ws", get(socket::open))
         .route("/metrics", get(metrics::metrics))

@@ -54,7 +54,7 @@ mod tests {
         let texts: Vec<&str> = html.into_iter().chain(scripts).collect();
         for text in &texts {
             let named = text.split(['"', '\'']).filter_map(|word| {
-                word.strip_prefix("/page/")
+                word.strip_prefix("/_page/")
                     .or_else(|| word.strip_prefix("./").filter(|word| word.ends_with(".js")))
             });
             for name in named {
