@@ -27,6 +27,24 @@ window.WebSocket = class extends WebSocket {
   }
 };
 """
+# A server whose cameras are not running yet.
+WITHOUT_CAMERAS = """
+window.WebSocket = class {
+  static OPEN = 1;
+  constructor() {
+    const hello = { type: "hello", protocol: 1, cameras: [], palette: Array(768).fill(0) };
+    setTimeout(() => this.onmessage({ data: JSON.stringify(hello) }));
+  }
+};
+"""
+# How a connection ends on which a text was sent, or which the page closes.
+CLOSE = """
+text => new Promise((resolve) => {
+  const socket = new WebSocket(`ws://${location.host}/ws`);
+  socket.onopen = () => text ? socket.send(text) : socket.close(1000);
+  socket.onclose = ({ code, wasClean }) => resolve([code, wasClean]);
+})
+"""
 
 
 def shot(page: Page, name: str) -> None:
@@ -250,6 +268,26 @@ def test_the_page_comes_back_after_the_daemon_is_gone(browser: Browser, view: Vi
     shown = int(page.inner_text("#shown"))
     view.start()
     wait_until(page, "shown => Number(document.getElementById('shown').textContent) > shown", shown)
+    page.close()
+
+
+def test_the_page_waits_for_cameras_that_are_starting(browser: Browser, view: View) -> None:
+    """While a model is loaded, the server runs without a camera: that is not a problem."""
+    page = browser.new_page()
+    page.add_init_script(WITHOUT_CAMERAS)
+    page.goto(view.url)
+    wait_until(page, "document.getElementById('state').textContent === 'the cameras are starting'")
+    assert not page.evaluate("document.getElementById('state').classList.contains('problem')")
+    page.close()
+
+
+def test_a_browser_learns_why_a_connection_ends(browser: Browser, view: View) -> None:
+    """The server answers the page's close, and states a code when it closes."""
+    page = browser.new_page()
+    page.goto(view.url)
+    assert page.evaluate(CLOSE, "") == [1000, True]
+    assert page.evaluate(CLOSE, "{") == [1008, True]
+    assert page.evaluate(CLOSE, "x" * 5000) == [1009, True]
     page.close()
 
 

@@ -144,14 +144,41 @@ impl Cameras {
     }
 
     /// The camera of a name.
-    pub(crate) fn find(&self, name: &str) -> Option<Arc<SharedCamera>> {
-        self.all().into_iter().find(|camera| camera.name == name)
+    ///
+    /// # Errors
+    /// It is not there, or not yet.
+    pub(crate) fn find(&self, name: &str) -> Result<Arc<SharedCamera>, NoCamera> {
+        let running = self.all();
+        if running.is_empty() {
+            return Err(NoCamera::Starting);
+        }
+        let found = running.iter().find(|camera| camera.name == name).cloned();
+        found.ok_or_else(|| NoCamera::Unknown {
+            name: name.to_owned(),
+            running: running.iter().map(|camera| format!("`{}`", camera.name)).collect(),
+        })
     }
 
     /// All of them, in the order in which they were added.
     pub(crate) fn all(&self) -> Vec<Arc<SharedCamera>> {
         self.0.read().unwrap_or_else(PoisonError::into_inner).clone()
     }
+}
+
+/// Why a camera is not found.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum NoCamera {
+    /// The server runs before the first camera does, for example while a model is loaded.
+    #[error("no camera is running yet; try again")]
+    Starting,
+    /// Other cameras run.
+    #[error("there is no camera `{name}`, expected one of: {}", running.join(", "))]
+    Unknown {
+        /// The name.
+        name: String,
+        /// The names of those that run, in backticks.
+        running: Vec<String>,
+    },
 }
 
 /// The producer's end of a camera. No function of it blocks.
@@ -265,6 +292,14 @@ mod tests {
         let names: Vec<_> = cameras.all().iter().map(|camera| camera.name.clone()).collect();
         assert_eq!(names, ["rear", "front"]);
         assert!(Arc::ptr_eq(&cameras.find("front").unwrap(), &again.camera));
-        assert!(cameras.find("left").is_none());
+        assert!(matches!(cameras.find("left"), Err(NoCamera::Unknown { name, .. }) if name == "left"));
+    }
+
+    #[test]
+    fn before_the_first_camera_no_name_is_wrong() {
+        let cameras = Cameras::default();
+        assert!(matches!(cameras.find("front"), Err(NoCamera::Starting)));
+        let _front = cameras.add("front", &[]);
+        assert!(cameras.find("front").is_ok());
     }
 }

@@ -17,6 +17,8 @@ use nunet_view::{
 use serde_json::{Value, json};
 use tokio_tungstenite::WebSocketStream;
 use tokio_tungstenite::tungstenite::Message;
+use tokio_tungstenite::tungstenite::protocol::CloseFrame;
+use tokio_tungstenite::tungstenite::protocol::frame::coding::CloseCode;
 
 /// No test waits longer for anything.
 const TIMEOUT: Duration = Duration::from_secs(60);
@@ -104,6 +106,15 @@ async fn report(socket: &mut Socket, kind: &str) -> Value {
             if report["type"] == kind {
                 return report;
             }
+        }
+    }
+}
+
+/// The close of the server; other messages are skipped.
+async fn close(socket: &mut Socket) -> Option<CloseFrame> {
+    loop {
+        if let Message::Close(close) = socket.next().await.expect("no close came").unwrap() {
+            return close;
         }
     }
 }
@@ -333,10 +344,15 @@ fn malformed_requests_are_answered_and_the_connection_is_closed() {
             assert!(error["message"].as_str().unwrap().starts_with(expected), "{error}");
             assert!(matches!(socket.next().await, Some(Ok(Message::Close(Some(_))))), "{expected}");
         }
-        // Longer than any request.
-        let mut socket = connect(server.address()).await;
-        socket.send(Message::text("x".repeat(100_000))).await.unwrap();
-        while socket.next().await.is_some_and(|message| message.is_ok()) {}
+        // Longer than any request; the last ones are also longer than what the server reads.
+        for (length, is_text) in [(4097, true), (60_000, true), (100_000, true), (100_000, false)] {
+            let text = "x".repeat(length);
+            let mut socket = connect(server.address()).await;
+            socket.send(if is_text { Message::text(text) } else { Message::binary(text) }).await.unwrap();
+            let error = report(&mut socket, "error").await;
+            assert_eq!(error["message"], format!("the request has {length} bytes, expected at most 4096"));
+            assert_eq!(close(&mut socket).await.map(|close| u16::from(close.code)), Some(1009));
+        }
     });
     malformed_frames(server.address());
     assert_eq!(status_of(&get(server.address(), "/", "")), StatusCode::OK, "it still answers");
@@ -344,17 +360,23 @@ fn malformed_requests_are_answered_and_the_connection_is_closed() {
 
 /// Bytes that no WebSocket sends, after a proper handshake.
 fn malformed_frames(address: SocketAddr) {
+    const PROTOCOL: u16 = 1002;
     let upgrade = format!(
         "GET /ws HTTP/1.1\r\nHost: {address}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n\
          Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
     );
-    for bytes in [
-        &[0xff; 64][..],
-        &[0x81, 0x05, b'h', b'e', b'l', b'l', b'o'], // not masked
-        &[0x8f, 0x80, 0, 0, 0, 0],                   // an unknown opcode
-        &[0x81, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0, 0, 0, 0], // 2^64 bytes are announced
-        &[0x81, 0x81, 0, 0, 0, 0, 0xff],             // not UTF-8
-    ] {
+    let cases: [(&[u8], u16); 8] = [
+        (&[0xff; 64], PROTOCOL),
+        (&[0x81, 0x05, b'h', b'e', b'l', b'l', b'o'], PROTOCOL), // not masked
+        (&[0x8f, 0x80, 0, 0, 0, 0], PROTOCOL),                   // an unknown opcode
+        (&[0x09, 0x80, 0, 0, 0, 0], PROTOCOL),                   // a ping in parts
+        (&[0x80, 0x80, 0, 0, 0, 0], PROTOCOL),                   // continues nothing
+        (&[0x88, 0x81, 0, 0, 0, 0, 3], PROTOCOL),                // half a code
+        // 2^64 bytes are announced.
+        (&[0x81, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0, 0, 0, 0], 1009),
+        (&[0x81, 0x81, 0, 0, 0, 0, 0xff], 1007), // not UTF-8
+    ];
+    for (bytes, code) in cases {
         let mut stream = TcpStream::connect(address).unwrap();
         stream.set_read_timeout(Some(TIMEOUT)).unwrap();
         stream.write_all(upgrade.as_bytes()).unwrap();
@@ -363,7 +385,51 @@ fn malformed_frames(address: SocketAddr) {
         let mut answer = Vec::new();
         let read = stream.read_to_end(&mut answer);
         assert!(answer.starts_with(b"HTTP/1.1 101"), "{read:?}, {bytes:?}");
+        let text = String::from_utf8_lossy(&answer);
+        assert!(text.contains(r#"{"type":"error","message":""#), "{bytes:?}: {text}");
+        let close = [&[0x88_u8, 25][..], &code.to_be_bytes(), b"the request was refused"].concat();
+        assert!(answer.ends_with(&close), "{bytes:?}: {text}");
     }
+}
+
+#[test]
+fn the_close_of_a_client_is_answered() {
+    let (server, feed) = server();
+    let producer = Producer::start(feed);
+    block_on(async {
+        for is_watching in [false, true] {
+            let mut socket = connect(server.address()).await;
+            if is_watching {
+                say(&mut socket, json!({"type": "watch", "camera": "front"})).await;
+                frame(&mut socket).await;
+            }
+            let sent = CloseFrame { code: CloseCode::Normal, reason: "done".into() };
+            socket.close(Some(sent.clone())).await.unwrap();
+            assert_eq!(close(&mut socket).await, Some(sent));
+            assert!(socket.next().await.is_none(), "the connection ends");
+        }
+    });
+    producer.finish();
+}
+
+#[test]
+fn before_the_first_camera_clients_are_asked_to_try_again() {
+    let server = ViewServer::open(loopback(), ViewOptions::default()).unwrap();
+    let address = server.address();
+    for file in ["frame.jpg", "depth.png", "image.mjpeg", "depth.mjpeg"] {
+        let answer = get(address, &format!("/front/{file}"), "");
+        assert_eq!(status_of(&answer), StatusCode::SERVICE_UNAVAILABLE, "{file}");
+        assert_eq!(head_and_body(&answer).1, b"no camera is running yet; try again\n", "{file}");
+    }
+    block_on(async {
+        let mut socket = connect(address).await;
+        say(&mut socket, json!({"type": "watch", "camera": "front"})).await;
+        let error = report(&mut socket, "error").await;
+        assert_eq!(error["message"], "no camera is running yet; try again");
+        assert_eq!(close(&mut socket).await.map(|close| u16::from(close.code)), Some(1013));
+    });
+    let _feed = server.add_camera("front", &[]);
+    assert_eq!(status_of(&get(address, "/rear/frame.jpg", "")), StatusCode::NOT_FOUND);
 }
 
 #[test]

@@ -12,7 +12,7 @@ use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::Instant;
 
 use super::parameters::VideoQuery;
-use super::{ServerState, text, too_many_viewers, unknown_camera};
+use super::{ServerState, no_camera, text, too_many_viewers};
 use crate::camera::{SharedCamera, Slot};
 use crate::encode::{auto_range, colorize, image_jpeg, rgb_jpeg, stride_for};
 use crate::frame::{Encoded, ViewFrame};
@@ -63,7 +63,10 @@ fn respond(
     query: VideoParameters,
     encoder: impl FnOnce(&VideoQuery, &Watch) -> Encode,
 ) -> Response {
-    let Some(camera) = shared.cameras.find(name) else { return unknown_camera(name, &shared.cameras) };
+    let camera = match shared.cameras.find(name) {
+        Ok(camera) => camera,
+        Err(reason) => return no_camera(&reason),
+    };
     let Query(query) = match query {
         Ok(query) => query,
         Err(error) => return text(StatusCode::BAD_REQUEST, format!("{}\n", error.body_text())),

@@ -8,6 +8,7 @@ mod page;
 mod parameters;
 mod snapshots;
 mod socket;
+mod watching;
 
 use std::sync::Arc;
 
@@ -17,7 +18,7 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
-use crate::camera::Cameras;
+use crate::camera::{Cameras, NoCamera};
 use crate::token::Token;
 pub(crate) use metrics::metrics_only;
 
@@ -79,9 +80,11 @@ fn too_many_viewers() -> Response {
     text(StatusCode::SERVICE_UNAVAILABLE, message)
 }
 
-/// The response for a camera that does not exist.
-fn unknown_camera(name: &str, cameras: &Cameras) -> Response {
-    let names: Vec<_> = cameras.all().iter().map(|camera| format!("`{}`", camera.name)).collect();
-    let message = format!("there is no camera `{name}`, expected one of: {}\n", names.join(", "));
-    text(StatusCode::NOT_FOUND, message)
+/// The response for a camera that is not there.
+fn no_camera(reason: &NoCamera) -> Response {
+    let status = match reason {
+        NoCamera::Starting => StatusCode::SERVICE_UNAVAILABLE,
+        NoCamera::Unknown { .. } => StatusCode::NOT_FOUND,
+    };
+    text(status, format!("{reason}\n"))
 }

@@ -9,7 +9,7 @@ use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use nunet_types::Units;
 
-use super::{ServerState, text, unknown_camera};
+use super::{ServerState, no_camera, text};
 use crate::camera::SharedCamera;
 use crate::encode::{depth_png, image_jpeg};
 use crate::frame::{Encoded, ViewFrame};
@@ -40,7 +40,7 @@ pub(super) async fn depth(State(shared): State<ServerState>, Path(camera): Path<
 
 /// The next frame, or the last one if the source is paused.
 async fn newest(shared: &ServerState, name: &str) -> Result<Arc<ViewFrame>, Response> {
-    let camera = shared.cameras.find(name).ok_or_else(|| unknown_camera(name, &shared.cameras))?;
+    let camera = shared.cameras.find(name).map_err(|reason| no_camera(&reason))?;
     let frame = next(&camera).await.or_else(|| camera.newest());
     frame.ok_or_else(|| text(StatusCode::SERVICE_UNAVAILABLE, "the camera has not delivered a frame yet\n"))
 }

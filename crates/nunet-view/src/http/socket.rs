@@ -1,5 +1,6 @@
 //! `/ws`: the frames of one camera at a time, as the client asks for them.
 
+use std::error::Error as _;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -8,19 +9,21 @@ use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade, close_code};
 use axum::response::{IntoResponse, Response};
 use nunet_types::text_with_causes;
-use tokio::time::{Instant, MissedTickBehavior, interval};
+use tokio::time::{Instant, MissedTickBehavior, interval, sleep, timeout};
+use tokio_tungstenite::tungstenite::Error as ReadError;
+use tokio_tungstenite::tungstenite::error::{CapacityError, ProtocolError};
 use tracing::debug;
 
+use super::watching::{Watching, next_frame};
 use super::{ServerState, too_many_viewers};
-use crate::camera::{CameraStatus, Demand, OnDemand, SharedCamera, Slot};
+use crate::camera::{NoCamera, SharedCamera};
 use crate::encode::{
     auto_range, encode_bytes, encode_depth, image_jpeg, levels_of, palette, stride_for, subsample, subsampled,
 };
-use crate::frame::{Encoded, RayGrid, ViewFrame};
-use crate::pacing::ClientPacer;
+use crate::frame::{Encoded, ViewFrame};
 use crate::protocol::{
-    FrameParts, MAX_REQUEST_BYTES, PROTOCOL_VERSION, Probe, RaysJson, Request, Section, ServerMessage, Watch,
-    encode,
+    FrameParts, MAX_REQUEST_BYTES, PROTOCOL_VERSION, Probe, Request, RequestError, Section, ServerMessage,
+    Watch, encode,
 };
 
 /// How often the state of the stream is checked.
@@ -29,6 +32,11 @@ const STATUS_PERIOD: Duration = Duration::from_millis(250);
 const PING_PERIOD: Duration = Duration::from_secs(15);
 /// A client without a message for this long counts as gone.
 const SILENCE_TIMEOUT: Duration = Duration::from_secs(45);
+/// Longer messages are refused before they have arrived. Those that are only longer than a request are read,
+/// because a connection that is closed with unread bytes is reset, and the client may lose the report.
+const MAX_MESSAGE_BYTES: usize = 16 * MAX_REQUEST_BYTES;
+/// How long the connection stays open for the client's part of a close.
+const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Opens a WebSocket.
 pub(super) async fn open(
@@ -40,7 +48,7 @@ pub(super) async fn open(
         Err(rejection) => return rejection.into_response(),
     };
     let Some(place) = shared.place() else { return too_many_viewers() };
-    let upgrade = upgrade.max_message_size(MAX_REQUEST_BYTES).max_frame_size(MAX_REQUEST_BYTES);
+    let upgrade = upgrade.max_message_size(MAX_MESSAGE_BYTES).max_frame_size(MAX_MESSAGE_BYTES);
     upgrade.on_upgrade(move |socket| async move {
         if let Err(error) = Client::new(socket, shared).run().await {
             debug!("a viewer is gone: {error}");
@@ -62,20 +70,6 @@ struct Client {
     announced: Vec<Arc<SharedCamera>>,
 }
 
-/// The camera that a viewer watches.
-struct Watching {
-    camera: Arc<SharedCamera>,
-    slot: Slot,
-    watch: Watch,
-    pacer: ClientPacer,
-    is_paused: bool,
-    /// What is computed for this viewer.
-    demands: Vec<Demand>,
-    /// The rays that were sent; `None` before the first frame.
-    rays: Option<Option<Arc<RayGrid>>>,
-    status: Option<CameraStatus>,
-}
-
 /// What a viewer waits for.
 enum SocketEvent {
     Message(Option<Result<Message, axum::Error>>),
@@ -90,80 +84,26 @@ enum AfterMessage {
     Close,
 }
 
-impl Watching {
-    fn new(camera: Arc<SharedCamera>, watch: Watch) -> Self {
-        Self {
-            slot: camera.slot(),
-            pacer: ClientPacer::new(watch.max_fps, watch.max_mbit_per_s),
-            is_paused: false,
-            demands: demands(&camera, &watch),
-            rays: None,
-            status: None,
-            camera,
-            watch,
-        }
-    }
-
-    /// The next frame, when it may be sent; `None` once the producer is gone.
-    async fn next(&mut self) -> Option<Arc<ViewFrame>> {
-        if self.is_paused {
-            return std::future::pending().await;
-        }
-        self.pacer.ready().await;
-        self.camera.next(&mut self.slot).await
-    }
-
-    fn pause(&mut self) {
-        self.is_paused = true;
-        self.demands.clear();
-    }
-
-    /// The report about the stream, if it changed.
-    fn status(&mut self) -> Option<String> {
-        let status = self.camera.status();
-        let is_news = self.status.replace(status) != Some(status);
-        is_news.then(|| ServerMessage::Status { camera: &self.camera.name, status }.to_json())
-    }
-
-    /// The report about the camera, if it changed.
-    fn description(&mut self, frame: &ViewFrame) -> Option<String> {
-        if self.rays.replace(frame.rays.clone()).is_some_and(|sent| sent == frame.rays) {
-            return None;
-        }
-        let rays = frame.rays.as_deref();
-        let rays = rays.map(|grid| RaysJson { columns: grid.columns, rows: grid.rows, rays: &grid.rays });
-        let SharedCamera { name, classes, .. } = &*self.camera;
-        Some(ServerMessage::Camera { camera: name, classes, rays }.to_json())
-    }
-}
-
-/// The results that are computed only because this viewer shows them.
-fn demands(camera: &Arc<SharedCamera>, watch: &Watch) -> Vec<Demand> {
-    let wanted = [
-        (watch.labels, OnDemand::Labels),
-        (watch.confidence, OnDemand::Confidence),
-        (watch.obstacles, OnDemand::Obstacles),
-    ];
-    wanted.into_iter().filter(|(is_wanted, _)| *is_wanted).map(|(_, result)| camera.demand(result)).collect()
-}
-
-/// The next frame of the watched camera. Waits forever if none is watched.
-async fn next_frame(watching: &mut Option<Watching>) -> Option<Arc<ViewFrame>> {
-    match watching {
-        Some(watching) => watching.next().await,
-        None => std::future::pending().await,
-    }
-}
-
 impl Client {
     fn new(socket: WebSocket, shared: ServerState) -> Self {
         let now = Instant::now();
         Self { socket, shared, watching: None, shown: None, heard: now, pinged: now, announced: Vec::new() }
     }
 
+    /// Serves the viewer, then completes the close of either side: reading answers a client's close, and waits
+    /// for the answer to the server's.
+    async fn run(mut self) -> Result<(), axum::Error> {
+        self.serve().await?;
+        self.watching = None;
+        let closed = async { while matches!(self.socket.recv().await, Some(Ok(_))) {} };
+        // A client that does not answer is disconnected.
+        let _ = timeout(CLOSE_TIMEOUT, closed).await;
+        Ok(())
+    }
+
     /// Serves the viewer until one side closes. Nothing is read while a frame is being sent. A viewer that
     /// reads nothing is disconnected by the write timeout of its connection.
-    async fn run(mut self) -> Result<(), axum::Error> {
+    async fn serve(&mut self) -> Result<(), axum::Error> {
         self.send_hello().await?;
         let mut ticks = interval(STATUS_PERIOD);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -192,7 +132,8 @@ impl Client {
     async fn handle(&mut self, event: SocketEvent) -> Result<AfterMessage, axum::Error> {
         match event {
             SocketEvent::Message(None) => Ok(AfterMessage::Close),
-            SocketEvent::Message(Some(message)) => self.take_message(message?).await,
+            SocketEvent::Message(Some(Ok(message))) => self.take_message(message).await,
+            SocketEvent::Message(Some(Err(error))) => self.take_error(error).await,
             SocketEvent::Frame(Some(frame)) => self.show(frame).await,
             // The camera has ended; its last frame stays.
             SocketEvent::Frame(None) => {
@@ -208,6 +149,9 @@ impl Client {
         match message {
             Message::Text(text) => match Request::parse(&text) {
                 Ok(request) => self.answer(request).await,
+                Err(error @ RequestError::TooLong { .. }) => {
+                    self.refuse(close_code::SIZE, error.to_string()).await
+                }
                 Err(error) => self.refuse(close_code::POLICY, text_with_causes(&error)).await,
             },
             Message::Binary(_) => {
@@ -219,13 +163,26 @@ impl Client {
         }
     }
 
+    /// Reports what cannot be read, if the client is still there. Nothing can be read afterwards.
+    async fn take_error(&mut self, error: axum::Error) -> Result<AfterMessage, axum::Error> {
+        let Some((code, message)) = refusal_of(&error) else { return Err(error) };
+        self.refuse(code, message).await?;
+        if code == close_code::SIZE {
+            // The rest of the message may be unread: see MAX_MESSAGE_BYTES.
+            sleep(CLOSE_TIMEOUT).await;
+        }
+        Ok(AfterMessage::Close)
+    }
+
     async fn answer(&mut self, request: Request) -> Result<AfterMessage, axum::Error> {
         match request {
             Request::Watch(watch) => match self.shared.cameras.find(&watch.camera) {
-                Some(camera) => self.watching = Some(Watching::new(camera, watch)),
-                None => {
-                    let message = format!("there is no camera `{}`", watch.camera);
-                    return self.refuse(close_code::POLICY, message).await;
+                Ok(camera) => self.watching = Some(Watching::new(camera, watch)),
+                Err(reason @ NoCamera::Starting) => {
+                    return self.refuse(close_code::AGAIN, reason.to_string()).await;
+                }
+                Err(reason @ NoCamera::Unknown { .. }) => {
+                    return self.refuse(close_code::POLICY, reason.to_string()).await;
                 }
             },
             Request::Pause => self.watching.iter_mut().for_each(Watching::pause),
@@ -267,7 +224,8 @@ impl Client {
             self.socket.send(Message::Text(status.into())).await?;
         }
         if self.heard.elapsed() > SILENCE_TIMEOUT {
-            return Ok(AfterMessage::Close);
+            let message = format!("nothing was received for {} s", SILENCE_TIMEOUT.as_secs());
+            return self.refuse(close_code::POLICY, message).await;
         }
         if self.pinged.elapsed() > PING_PERIOD {
             self.pinged = Instant::now();
@@ -278,6 +236,21 @@ impl Client {
 
     async fn say(&mut self, report: &ServerMessage<'_>) -> Result<(), axum::Error> {
         self.socket.send(Message::Text(report.to_json().into())).await
+    }
+}
+
+/// The code of the close and the report for bytes that are no message; `None` if the client is gone.
+fn refusal_of(error: &axum::Error) -> Option<(u16, String)> {
+    match error.source()?.downcast_ref::<ReadError>()? {
+        ReadError::Capacity(CapacityError::MessageTooLong { size, .. }) => {
+            Some((close_code::SIZE, RequestError::TooLong { bytes: *size }.to_string()))
+        }
+        ReadError::Utf8(_) => Some((close_code::INVALID, "the text is not UTF-8".to_owned())),
+        ReadError::Protocol(ProtocolError::ResetWithoutClosingHandshake) => None,
+        ReadError::Protocol(error) => {
+            Some((close_code::PROTOCOL, format!("these bytes are not a message: {error}")))
+        }
+        _ => None,
     }
 }
 

@@ -53,7 +53,7 @@ const reports = {
     element("camera").replaceChildren(...options);
     if (!cameras.includes(state.camera)) state.camera = cameras[0] ?? null;
     element("camera").value = state.camera ?? "";
-    say(cameras.length ? "waiting for a frame" : "no camera is running", !cameras.length);
+    say(cameras.length ? "waiting for a frame" : "the cameras are starting");
     watch();
   },
   camera(description) {
