@@ -9,10 +9,12 @@ use std::time::{Duration, Instant};
 
 use axum::http::StatusCode;
 use futures_util::{SinkExt as _, StreamExt as _};
-use nunet_types::{ImageSize, ObstacleMap, ObstacleSector, PixelFormat, ScaleSource, Units};
+use nunet_types::{
+    ImageSize, ObstacleMap, ObstacleSector, PixelFormat, ScaleSource, Units, text_with_causes,
+};
 use nunet_view::{
-    CameraFeed, CameraStatus, DepthInfo, FrameMessage, MetricsServer, OnDemand, RayGrid, Section, Token,
-    ViewErrorKind, ViewOptions, ViewServer,
+    CameraFeed, CameraStatus, DepthInfo, FrameMessage, MetricsServer, OnDemand, RayGrid, Request, Section,
+    Token, ViewErrorKind, ViewOptions, ViewServer,
 };
 use serde_json::{Value, json};
 use tokio_tungstenite::WebSocketStream;
@@ -453,6 +455,26 @@ fn a_camera_can_have_any_name_and_the_page_keeps_its_files() {
 }
 
 #[test]
+fn a_request_with_a_value_of_a_wrong_type_states_the_right_one_in_words() {
+    const WIDTH: &str = "a whole number from 16 to 32768";
+    for (request, expected) in [
+        (r#"{"type": "watch", "camera": "a", "max_width": "wide"}"#, WIDTH),
+        (r#"{"type": "watch", "camera": "a", "max_width": -1}"#, WIDTH),
+        (r#"{"type": "watch", "camera": "a", "max_width": 320.5}"#, WIDTH),
+        (r#"{"type": "watch", "camera": "a", "max_width": 5000000000}"#, WIDTH),
+        (r#"{"type": "watch", "camera": "a", "max_fps": "fast"}"#, "a number"),
+        (r#"{"type": "watch", "camera": "a", "max_mbit_per_s": [3]}"#, "a number"),
+        (r#"{"type": "probe", "u": null, "v": 0}"#, "a number"),
+        (r#"{"type": "probe", "u": 0, "v": true}"#, "a number"),
+        ("null", "an object with `type`"),
+        (r#"["watch"]"#, "an object with `camera`"),
+    ] {
+        let text = text_with_causes(&Request::parse(request).unwrap_err());
+        assert!(text.contains(&format!("expected {expected}")), "{request}: {text}");
+    }
+}
+
+#[test]
 fn an_upgrade_that_is_none_and_unknown_paths_are_refused() {
     let (server, _feed) = server();
     let address = server.address();
@@ -511,8 +533,18 @@ fn a_video_is_one_jpeg_after_the_other() {
         assert!(parts > 2, "{parts} parts in 20 kB");
     }
     for (target, expected) in [
-        ("/front/depth.mjpeg?fps=0", "`max_fps` is 0, expected more than 0.001, up to 120\n"),
+        ("/front/depth.mjpeg?fps=0", "`fps` is 0, expected more than 0.001, up to 120\n"),
+        ("/front/image.mjpeg?mbit=-1", "`mbit` is -1, expected more than 0.001, up to 10000\n"),
+        ("/front/image.mjpeg?width=15", "`width` is 15, expected 16 to 32768\n"),
         ("/front/depth.mjpeg?near=inf", "`near` is inf, expected a finite number\n"),
+        ("/front/depth.mjpeg?fps=abc", "`fps` is `abc`, expected a number\n"),
+        ("/front/depth.mjpeg?far=", "`far` is ``, expected a number\n"),
+        ("/front/image.mjpeg?width=-1", "`width` is `-1`, expected a whole number from 16 to 32768\n"),
+        ("/front/image.mjpeg?fps=1&fps=2", "`fps` is given twice\n"),
+        (
+            "/front/depth.mjpeg?color=red",
+            "unknown parameter `color`, expected one of: `fps`, `mbit`, `width`, `near`, `far`, `token`\n",
+        ),
     ] {
         let answer = get(address, target, "");
         assert_eq!(status_of(&answer), StatusCode::BAD_REQUEST, "{target}");

@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use axum::body::Body;
-use axum::extract::rejection::QueryRejection;
 use axum::extract::{Path, Query, State};
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -21,7 +20,8 @@ use crate::protocol::Watch;
 
 const CONTENT_TYPE: &str = "multipart/x-mixed-replace; boundary=nunet-frame";
 
-type VideoParameters = Result<Query<VideoQuery>, QueryRejection>;
+/// The parameters of an address: names and values.
+type Parameters = Vec<(String, String)>;
 
 /// How a frame becomes a JPEG.
 type Encode = Box<dyn FnMut(&ViewFrame) -> Bytes + Send>;
@@ -30,9 +30,9 @@ type Encode = Box<dyn FnMut(&ViewFrame) -> Bytes + Send>;
 pub(super) async fn image(
     State(shared): State<ServerState>,
     Path(camera): Path<String>,
-    query: VideoParameters,
+    Query(parameters): Query<Parameters>,
 ) -> Response {
-    respond(&shared, &camera, query, |_, watch| {
+    respond(&shared, &camera, &parameters, |_, watch| {
         let max_width = watch.max_width;
         Box::new(move |frame| {
             let stride = frame.image().map_or(1, |(image, _)| stride_for(image.size.width, max_width));
@@ -45,9 +45,9 @@ pub(super) async fn image(
 pub(super) async fn depth(
     State(shared): State<ServerState>,
     Path(camera): Path<String>,
-    query: VideoParameters,
+    Query(parameters): Query<Parameters>,
 ) -> Response {
-    respond(&shared, &camera, query, |query, watch| {
+    respond(&shared, &camera, &parameters, |query, watch| {
         let (near, far, max_width) = (query.near, query.far, watch.max_width);
         let mut smooth = None;
         Box::new(move |frame| {
@@ -60,19 +60,16 @@ pub(super) async fn depth(
 fn respond(
     shared: &ServerState,
     name: &str,
-    query: VideoParameters,
+    parameters: &[(String, String)],
     encoder: impl FnOnce(&VideoQuery, &Watch) -> Encode,
 ) -> Response {
     let camera = match shared.cameras.find(name) {
         Ok(camera) => camera,
         Err(reason) => return no_camera(&reason),
     };
-    let Query(query) = match query {
-        Ok(query) => query,
-        Err(error) => return text(StatusCode::BAD_REQUEST, format!("{}\n", error.body_text())),
-    };
-    let watch = match query.watch(name) {
-        Ok(watch) => watch,
+    let checked = VideoQuery::read(parameters).and_then(|query| Ok((query.watch(name)?, query)));
+    let (watch, query) = match checked {
+        Ok(checked) => checked,
         Err(error) => return text(StatusCode::BAD_REQUEST, format!("{error}\n")),
     };
     let Some(place) = shared.place() else { return too_many_viewers() };

@@ -1,6 +1,7 @@
 //! The WebSocket's messages: requests and other messages as JSON text, frames as bytes.
 
 mod message;
+mod number;
 mod report;
 mod request;
 

@@ -2,12 +2,14 @@
 
 use serde::Deserialize;
 
+use super::number::{number, width};
+
 /// The longest request that is accepted.
 pub(crate) const MAX_REQUEST_BYTES: usize = 4096;
 
 /// A request, as JSON text: `{"type": "watch", "camera": "front"}`.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
+#[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields, expecting = "an object with `type`")]
 pub enum Request {
     /// Sends frames of a camera from now on, instead of those of the previous `watch`.
     Watch(Watch),
@@ -16,15 +18,17 @@ pub enum Request {
     /// Asks for the depth at a point of the last frame that was sent: shares of width and height from 0 to 1.
     Probe {
         /// From the left edge (0) to the right edge (1).
+        #[serde(deserialize_with = "number")]
         u: f32,
         /// From the upper edge (0) to the lower edge (1).
+        #[serde(deserialize_with = "number")]
         v: f32,
     },
 }
 
 /// Which frames, and how often.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "an object with `camera`")]
 pub struct Watch {
     /// The camera's name.
     pub camera: String,
@@ -45,13 +49,13 @@ pub struct Watch {
     #[serde(default = "yes")]
     pub obstacles: bool,
     /// Images and maps that are wider are reduced by a whole factor, pixels, 16 to 32768.
-    #[serde(default = "default_width")]
+    #[serde(default = "default_width", deserialize_with = "width")]
     pub max_width: u32,
     /// Frames per second at most, more than 0, up to 120.
-    #[serde(default = "default_fps")]
+    #[serde(default = "default_fps", deserialize_with = "number")]
     pub max_fps: f32,
     /// Megabits per second at most, on average, more than 0, up to 10000.
-    #[serde(default = "default_rate")]
+    #[serde(default = "default_rate", deserialize_with = "number")]
     pub max_mbit_per_s: f32,
 }
 
