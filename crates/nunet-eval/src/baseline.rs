@@ -24,6 +24,12 @@ struct Rules {
     cap_m: f32,
 }
 
+impl Rules {
+    fn of(options: &EvalOptions) -> Self {
+        Self { protocol: options.protocol, cap_m: options.depth_cap_m }
+    }
+}
+
 /// The images whose mean is the baseline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub(crate) enum BaselineSource {
@@ -39,6 +45,44 @@ pub(crate) enum BaselineSource {
     /// A mean image from a file.
     #[serde(rename = "baseline-file")]
     File,
+}
+
+/// What the user named as the baseline, read before anything else is.
+#[derive(Debug)]
+pub(crate) enum NamedBaseline {
+    /// Nothing.
+    Automatic,
+    /// Images of the dataset.
+    Ids(Vec<String>),
+    /// A mean image.
+    Image(Box<Baseline>),
+}
+
+impl NamedBaseline {
+    /// # Errors
+    /// The file cannot be used.
+    pub(crate) fn read(options: &EvalOptions) -> Result<Self, EvalError> {
+        match &options.baseline {
+            BaselineChoice::Automatic => Ok(Self::Automatic),
+            BaselineChoice::Ids(list) => read_ids(list).map(Self::Ids),
+            BaselineChoice::File(file) => Ok(Self::Image(Baseline::read(file, Rules::of(options))?.into())),
+        }
+    }
+
+    /// The mean image; `None` if the images have none. Every image that the user named must be readable.
+    pub(crate) fn with_images(
+        self,
+        options: &EvalOptions,
+        dataset: &Dataset,
+        on_event: OnEvent<'_>,
+    ) -> Result<Option<Baseline>, EvalError> {
+        let (means, source) = match self {
+            Self::Image(baseline) => return Ok(Some(*baseline)),
+            Self::Ids(ids) => (Means::of(dataset, &ids, false, on_event)?, BaselineSource::Ids),
+            Self::Automatic => (Means::of(dataset, &dataset.ids, true, on_event)?, BaselineSource::Measured),
+        };
+        Ok(means.and_then(|means| means.baseline(source, Rules::of(options))))
+    }
 }
 
 /// The mean image compared with every image.
@@ -66,27 +110,6 @@ impl Baseline {
         let comparison = |kind| Comparison::new(rules.protocol, rules.cap_m, kind);
         let (metric, minmax) = (comparison(DepthKind::Metric), comparison(DepthKind::MinMax));
         Self { of, size, everywhere, each, metric, minmax }
-    }
-
-    /// The mean image of `options`; `None` if the images have none. Every image that the user named must be
-    /// readable.
-    pub(crate) fn new(
-        options: &EvalOptions,
-        dataset: &Dataset,
-        on_event: OnEvent<'_>,
-    ) -> Result<Option<Self>, EvalError> {
-        let rules = Rules { protocol: options.protocol, cap_m: options.depth_cap_m };
-        match &options.baseline {
-            BaselineChoice::File(file) => Self::read(file, rules).map(Some),
-            BaselineChoice::Ids(list) => {
-                let means = Means::of(dataset, &read_ids(list)?, false, on_event)?;
-                Ok(means.and_then(|means| means.baseline(BaselineSource::Ids, rules)))
-            }
-            BaselineChoice::Automatic => {
-                let means = Means::of(dataset, &dataset.ids, true, on_event)?;
-                Ok(means.and_then(|means| means.baseline(BaselineSource::Measured, rules)))
-            }
-        }
     }
 
     fn read(path: &Path, rules: Rules) -> Result<Self, EvalError> {

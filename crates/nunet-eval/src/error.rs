@@ -82,6 +82,8 @@ pub enum EvalError {
         got: ImageSize,
         /// The size of the image.
         expected: ImageSize,
+        /// Whether these are labels.
+        is_labels: bool,
     },
     /// A depth image of 8 bits, whose unit is not known.
     #[error("{depth}: depth of 8 bits cannot be millimeters")]
@@ -303,7 +305,8 @@ impl Hint for EvalError {
             }
             Self::UnknownUnit { .. } => "state the meters per unit of the depth images".into(),
             Self::FixedUnit { .. } => "state scale and offset only for depth of integers (16UC1, PNG)".into(),
-            Self::Size { .. } => "use depth that is aligned to the color image".into(),
+            Self::Size { is_labels: false, .. } => "use depth that is aligned to the color image".into(),
+            Self::Size { .. } => "use labels of the size of the color image".into(),
             Self::UnknownLabel { is_nyu40: false, .. } => {
                 "`labels/` holds the network's own classes; put NYU's 40 classes into `label40/`".into()
             }
@@ -371,6 +374,17 @@ mod tests {
         let source = SourceError::bad_frame("it is too large").with_hint("make it smaller");
         let error = EvalError::ReadImage { image: ImageName::from(Path::new("a.png")).into(), source };
         assert_eq!(hint_of_chain(&error).as_deref(), Some("make it smaller"));
+    }
+
+    #[test]
+    fn depth_and_labels_of_another_size_have_hints_of_their_own() {
+        let (image, got, expected) = (ImageName::File("a.png".into()), (8, 4).into(), (640, 480).into());
+        let hint = |is_labels| {
+            let error = EvalError::Size { image: image.clone(), got, expected, is_labels };
+            error.hint().unwrap()
+        };
+        let (depth, labels) = (hint(false), hint(true));
+        assert!(depth.contains("depth") && labels.contains("labels") && !labels.contains("depth"));
     }
 
     #[test]

@@ -11,9 +11,9 @@ use nunet_files::{make_folder, write_json, write_rgb};
 use nunet_source::{CameraResolver, Frame};
 use nunet_types::Units;
 
-use crate::baseline::Baseline;
+use crate::baseline::{Baseline, NamedBaseline};
 use crate::comparison::Comparison;
-use crate::dataset::{Dataset, ImageMounts, Truth, is_recording, refuse_own_depth};
+use crate::dataset::{Dataset, ImageMounts, Truth, is_recording, read_ids, refuse_own_depth};
 use crate::error::EvalError;
 use crate::event::{Event, OnEvent};
 use crate::fit::Fit;
@@ -36,17 +36,22 @@ const MUCH_BEYOND: f64 = 0.05;
 pub struct Evaluator {
     options: EvalOptions,
     camera: CameraResolver,
+    /// The images to measure; `None` for all.
+    ids: Option<Vec<String>>,
+    baseline: NamedBaseline,
 }
 
 impl Evaluator {
-    /// Does the fast checks of `options`, and reads the calibration.
+    /// Does the fast checks of `options`, and reads the calibration, the lists of ids and the mean image.
     ///
     /// # Errors
-    /// The calibration cannot be used, or the dataset is a recording of predictions.
+    /// One of these files cannot be used, or the dataset is a recording of predictions.
     pub fn new(options: EvalOptions) -> Result<Self, EvalError> {
+        let ids = options.ids.as_deref().map(read_ids).transpose()?;
+        let baseline = NamedBaseline::read(&options)?;
         refuse_own_depth(&options)?;
         let camera = CameraResolver::new(&options.camera)?;
-        Ok(Self { options, camera })
+        Ok(Self { options, camera, ids, baseline })
     }
 
     /// Measures every image. Images that cannot be measured are reported to `on_event` and counted.
@@ -59,12 +64,13 @@ impl Evaluator {
         pipeline: Pipeline,
         on_event: &mut dyn FnMut(Event<'_>),
     ) -> Result<Evaluation, EvalError> {
-        let Self { options, camera } = self;
-        let dataset = Dataset::open(&options, &pipeline.graph().description().classes, on_event)?;
+        let Self { options, camera, ids, baseline } = self;
+        let classes = &pipeline.graph().description().classes;
+        let dataset = Dataset::open_named(&options, ids, classes, on_event)?;
         if pipeline.graph().has_labels() && !dataset.has_labels() {
             on_event(Event::Warning("no true labels of this network's classes: only depth is measured"));
         }
-        let baseline = Baseline::new(&options, &dataset, on_event)?;
+        let baseline = baseline.with_images(&options, &dataset, on_event)?;
         let obstacles = obstacles(&options, &pipeline)?;
         let mounts = pipeline.mount().map(|mount| ImageMounts::new(&options.dataset, Some(mount)));
         let mounts = mounts.transpose()?;
@@ -331,4 +337,37 @@ fn obstacles(
 fn name_of(dataset: &Path) -> String {
     let path = dataset.canonicalize().unwrap_or_else(|_| dataset.to_owned());
     path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::EvalErrorKind;
+    use crate::options::BaselineChoice;
+
+    /// There is no dataset: the files are read before it, and so before a model is loaded.
+    #[test]
+    fn files_that_are_named_and_cannot_be_used_are_found_before_a_model_is_loaded() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |text: &str| {
+            let path = folder.path().join(format!("{}.txt", text.len()));
+            std::fs::write(&path, text).unwrap();
+            path
+        };
+        let wrong = ["missing".into(), "/dev/zero".into(), file(" \n"), file("a\nb\na\n")];
+        for path in wrong {
+            let of_list = EvalOptions { ids: Some(path.clone()), ..EvalOptions::new("missing") };
+            let of_baseline =
+                EvalOptions { baseline: BaselineChoice::Ids(path.clone()), ..EvalOptions::new("missing") };
+            for options in [of_list, of_baseline] {
+                let error = Evaluator::new(options).unwrap_err();
+                assert!(matches!(error, EvalError::Ids(_)), "{error}");
+            }
+            let of_image =
+                EvalOptions { baseline: BaselineChoice::File(path), ..EvalOptions::new("missing") };
+            let error = Evaluator::new(of_image).unwrap_err();
+            assert!(matches!(error, EvalError::NotAMeanImage { .. }), "{error}");
+            assert_eq!(error.kind(), EvalErrorKind::Argument);
+        }
+    }
 }

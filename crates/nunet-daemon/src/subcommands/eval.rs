@@ -4,9 +4,8 @@ use std::path::PathBuf;
 
 use indicatif::ProgressBar;
 use nunet_core::pipeline::PipelineOptions;
-use nunet_core::plain_file;
 use nunet_engine::{Engine, EngineOptions, find_model};
-use nunet_eval::{BaselineChoice, EvalError, EvalErrorKind, EvalOptions, Evaluator, Event};
+use nunet_eval::{EvalError, EvalErrorKind, EvalOptions, Evaluator, Event};
 use nunet_eval::{NOT_METERS, cap_for};
 use nunet_files::check_folder;
 use nunet_sink::file_plan::FilePlan;
@@ -16,7 +15,7 @@ use tracing::{error, info, warn};
 use super::load::{load, tested_pipeline};
 use super::progress::progress;
 use crate::Outcome;
-use crate::exit::{BadArguments, WithHint, warn_of_camera};
+use crate::exit::{WithHint, warn_of_camera};
 use nunet_sink::stdout::print;
 
 /// The hint for a file of ids that cannot be used.
@@ -36,7 +35,6 @@ pub(crate) struct EvalCommandOptions {
 /// Measures every image. An image that cannot be read is reported and counted.
 pub(crate) fn eval(options: EvalCommandOptions) -> anyhow::Result<Outcome> {
     file_plan(&options).check()?;
-    check_named(&options.evaluation)?;
     let evaluator = Evaluator::new(options.evaluation).map_err(with_flags)?;
     if let Some(out) = &options.out {
         check_folder(out)?;
@@ -62,21 +60,6 @@ pub(crate) fn eval(options: EvalCommandOptions) -> anyhow::Result<Outcome> {
     }
     error!("images that were skipped: {}", evaluation.skipped());
     Ok(Outcome::Lost)
-}
-
-/// Opens the files that are named, because the model is loaded before they are read.
-fn check_named(options: &EvalOptions) -> Result<(), BadArguments> {
-    let (baseline, hint) = match &options.baseline {
-        BaselineChoice::Automatic => (None, ""),
-        BaselineChoice::Ids(file) => (Some(file), IDS_HINT),
-        BaselineChoice::File(file) => (Some(file), "pass the `mean_image.npy` of another `eval --out`"),
-    };
-    let named = options.ids.iter().map(|ids| (ids, IDS_HINT)).chain(baseline.map(|file| (file, hint)));
-    for (file, hint) in named {
-        let unreadable = |error| BadArguments::new(format!("cannot read `{}`: {error}", file.display()));
-        plain_file::open(file, 0).map_err(|error| unreadable(error).with_hint(hint))?;
-    }
-    Ok(())
 }
 
 fn file_plan(options: &EvalCommandOptions) -> FilePlan {
@@ -171,6 +154,8 @@ pub(super) fn depth_cap_hint(far_m: f32, is_meters: bool) -> String {
 #[cfg(test)]
 mod tests {
     use std::path::Path;
+
+    use nunet_eval::BaselineChoice;
 
     use super::*;
     use crate::exit::{is_usage, message_and_hints};

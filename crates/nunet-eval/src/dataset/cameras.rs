@@ -1,9 +1,11 @@
-//! `intrinsics.csv`: the camera of each image, for datasets of several cameras.
+//! The cameras that a dataset states: `camera.json` for all images, `intrinsics.csv` for each image.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use nunet_core::camera::{Camera, Intrinsics};
+use nunet_core::plain_file;
+use nunet_source::CameraFile;
 use nunet_types::counted;
 use serde::Deserialize;
 
@@ -11,7 +13,7 @@ use super::table::{by_id, rows};
 use crate::error::{Cause, EvalError};
 use crate::event::{Event, OnEvent};
 
-/// The file in the dataset's folder.
+/// The file for each image, in the dataset's folder.
 const FILE: &str = "intrinsics.csv";
 
 /// A row: pixels of an image of this size. Further columns are ignored.
@@ -24,6 +26,17 @@ struct CameraRow {
     cy: f64,
     width: u32,
     height: u32,
+}
+
+/// The camera of all images, as rendered clips state it.
+pub(super) fn of_all(root: &Path) -> Result<Option<Camera>, EvalError> {
+    let path = root.join("camera.json");
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let text = plain_file::read_text(&path, CameraFile::MAX_BYTES).map_err(EvalError::read(&path))?;
+    let file: CameraFile = serde_json::from_str(&text).map_err(EvalError::read(&path))?;
+    Ok(Some(file.camera().map_err(EvalError::read(&path))?))
 }
 
 /// The cameras by the images' ids; none if the dataset has no such file.

@@ -1,5 +1,6 @@
 //! The file of an image, of its depth or of its labels.
 
+use std::io::ErrorKind;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 
@@ -8,20 +9,33 @@ use nunet_source::SourceError;
 use crate::error::EvalError;
 use crate::image_name::ImageName;
 
-/// The file of `id` in a folder, with one of `endings` in lower case or in capitals. If there is none, the
-/// expected path.
+/// The file of `id` in a folder, with one of `endings` in lower case or in capitals; `None` without one. What
+/// has its name and cannot be a file is returned too: reading it says why.
 ///
 /// # Errors
 /// Several files: nothing says which one is meant.
-pub(super) fn image_path(folder: &Path, id: &str, endings: &[&str]) -> Result<PathBuf, EvalError> {
+pub(super) fn image_path(folder: &Path, id: &str, endings: &[&str]) -> Result<Option<PathBuf>, EvalError> {
     let named = |ending: &str| folder.join(format!("{id}.{ending}"));
-    let spellings = endings.iter().flat_map(|ending| [named(ending), named(&ending.to_uppercase())]);
-    let mut found = spellings.filter(|path| path.is_file());
-    let Some(first) = found.next() else { return Ok(named(endings[0])) };
-    let Some(other) = found.find(|other| identity(other) != identity(&first)) else { return Ok(first) };
+    let mut spellings = endings.iter().flat_map(|ending| [named(ending), named(&ending.to_uppercase())]);
+    let mut found = spellings.clone().filter(|path| path.is_file());
+    let Some(first) = found.next() else { return Ok(spellings.find(|path| !is_missing(path))) };
+    let Some(other) = found.find(|other| identity(other) != identity(&first)) else {
+        return Ok(Some(first));
+    };
     let message = format!("`{}` has the same name, and only one of them can be meant", other.display());
     let source = SourceError::bad_frame(message).with_hint("remove one of the two files");
     Err(EvalError::ReadImage { image: ImageName::from(&*first).into(), source })
+}
+
+/// How errors name a file that is missing: with the names that [`image_path`] has looked for.
+pub(super) fn missing_image(folder: &Path, id: &str, endings: &[&str]) -> ImageName {
+    let names = endings.iter().map(|ending| format!("{id}.{ending}")).collect();
+    ImageName::OneOf { folder: folder.to_owned(), names }
+}
+
+/// Whether nothing is there. A file whose folder may not be searched is not missing.
+fn is_missing(path: &Path) -> bool {
+    path.symlink_metadata().is_err_and(|error| error.kind() == ErrorKind::NotFound)
 }
 
 /// Device and number of a file. They are equal for links, and for two spellings where the file system ignores
@@ -45,11 +59,22 @@ mod tests {
     }
 
     #[test]
-    fn a_file_is_found_by_each_ending_and_a_missing_one_has_the_first() {
+    fn a_file_is_found_by_each_ending_and_a_missing_one_is_named_with_all_of_them() {
         let folder = folder(&["a.npy", "b.PNG", "c.jpg"]);
-        for (id, file) in [("a", "a.npy"), ("b", "b.PNG"), ("c", "c.png"), ("d", "d.png")] {
-            assert_eq!(image_path(folder.path(), id, &ENDINGS).unwrap(), folder.path().join(file));
+        for (id, file) in [("a", Some("a.npy")), ("b", Some("b.PNG")), ("c", None), ("d", None)] {
+            let found = image_path(folder.path(), id, &ENDINGS).unwrap();
+            assert_eq!(found, file.map(|file| folder.path().join(file)), "{id}");
         }
+        let name = missing_image(folder.path(), "d", &ENDINGS).to_string();
+        assert!(name.ends_with("/d.png` or `d.npy`"), "{name}");
+    }
+
+    #[test]
+    fn what_has_the_name_and_is_no_file_is_not_missing() {
+        let folder = folder(&[]);
+        std::fs::create_dir(folder.path().join("a.npy")).unwrap();
+        let found = image_path(folder.path(), "a", &ENDINGS).unwrap();
+        assert_eq!(found, Some(folder.path().join("a.npy")));
     }
 
     #[test]
@@ -67,6 +92,6 @@ mod tests {
     fn a_link_is_no_second_file() {
         let folder = folder(&["a.npy"]);
         std::os::unix::fs::symlink("a.npy", folder.path().join("a.png")).unwrap();
-        assert_eq!(image_path(folder.path(), "a", &ENDINGS).unwrap(), folder.path().join("a.png"));
+        assert_eq!(image_path(folder.path(), "a", &ENDINGS).unwrap(), Some(folder.path().join("a.png")));
     }
 }

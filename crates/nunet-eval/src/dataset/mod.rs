@@ -14,9 +14,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use nunet_core::camera::Camera;
-use nunet_core::plain_file;
 use nunet_source::{
-    BitDepthCheck, CameraFile, DecodedFile, Frame, IMAGE_EXTENSIONS, Rotation, Rotator, SourceError, decode,
+    BitDepthCheck, DecodedFile, Frame, IMAGE_EXTENSIONS, Rotation, Rotator, SourceError, decode,
     decode_numbers,
 };
 use nunet_types::{ImageSize, PixelRect, counted};
@@ -25,7 +24,7 @@ use tempfile::TempDir;
 use self::depth::{DepthFile, UnitError};
 pub(crate) use self::ids::read_ids;
 use self::ids::{Listing, list};
-use self::image_path::image_path;
+use self::image_path::{image_path, missing_image};
 use self::labels::LabelFolder;
 pub(crate) use self::mounts::ImageMounts;
 use self::pairs::TimePairs;
@@ -105,6 +104,17 @@ impl Dataset {
         classes: &[String],
         on_event: OnEvent<'_>,
     ) -> Result<Self, EvalError> {
+        let named = options.ids.as_deref().map(read_ids).transpose()?;
+        Self::open_named(options, named, classes, on_event)
+    }
+
+    /// As [`open`](Self::open), with the list of ids of `options`, which was read before.
+    pub(crate) fn open_named(
+        options: &EvalOptions,
+        named: Option<Vec<String>>,
+        classes: &[String],
+        on_event: OnEvent<'_>,
+    ) -> Result<Self, EvalError> {
         if !is_recording(&options.dataset) {
             if let Some(topic) = options.topic.as_ref().or(options.depth_topic.as_ref()) {
                 let folder = options.dataset.display();
@@ -112,40 +122,39 @@ impl Dataset {
                 let error = SourceError::bad_arguments(message);
                 return Err(error.with_hint("name topics only for recordings").into());
             }
-            return Self::open_folder(options.dataset.clone(), options, classes, on_event);
+            return Self::open_folder(options.dataset.clone(), options, named, classes, on_event);
         }
         let Unpacked { folder, camera, topics, unpaired } = unpack(options, on_event)?;
-        let dataset = Self::open_folder(folder.path().to_owned(), options, classes, on_event)?;
+        let dataset = Self::open_folder(folder.path().to_owned(), options, named, classes, on_event)?;
         Ok(Self { camera, unpaired, unpacked: Some((folder, topics)), ..dataset })
     }
 
     fn open_folder(
         root: PathBuf,
         options: &EvalOptions,
+        named: Option<Vec<String>>,
         classes: &[String],
         on_event: OnEvent<'_>,
     ) -> Result<Self, EvalError> {
         if let Some(missing) = ["rgb", "depth"].into_iter().find(|folder| !root.join(folder).is_dir()) {
             return Err(EvalError::NotADataset { path: root, missing });
         }
-        let images = list_known(&root.join("rgb"), &IMAGE_EXTENSIONS, options.ids.is_none(), on_event)?;
-        let depths = list_known(&root.join("depth"), &depth::ENDINGS, options.ids.is_none(), on_event)?;
+        let images = list_known(&root.join("rgb"), &IMAGE_EXTENSIONS, named.is_none(), on_event)?;
+        let depths = list_known(&root.join("depth"), &depth::ENDINGS, named.is_none(), on_event)?;
         let pairs = TimePairs::find(&images, &depths);
-        report_pairs(&pairs, options.ids.is_none(), on_event);
-        let mut ids = match &options.ids {
-            Some(list) => read_ids(list)?,
-            // Ids of depth are included: a missing image is reported when it is measured.
-            None => images.into_iter().chain(depths).collect::<BTreeSet<_>>().into_iter().collect(),
-        };
+        report_pairs(&pairs, named.is_none(), on_event);
         let TimePairs { depth_of: partners, strays, .. } = pairs;
-        // Depth that belongs to an image of another name is not an image without a partner. A list is not
-        // shortened: what it names is measured or reported.
+        // Depth that belongs to an image of another name is not an image without a partner.
         let paired: BTreeSet<&String> = partners.values().collect();
-        ids.retain(|id| options.ids.is_some() || !(paired.contains(id) || strays.contains(id)));
+        let is_own = |id: &String| !(paired.contains(id) || strays.contains(id));
+        // Ids of depth are included: a missing image is reported when it is measured. A list is not
+        // shortened: what it names is measured or reported.
+        let all = || images.into_iter().chain(depths).filter(is_own).collect::<BTreeSet<_>>();
+        let ids = named.unwrap_or_else(|| all().into_iter().collect());
         if ids.is_empty() {
             return Err(EvalError::NoImages { path: root });
         }
-        let (camera, cameras) = (camera_of(&root)?, cameras::read(&root)?);
+        let (camera, cameras) = (cameras::of_all(&root)?, cameras::read(&root)?);
         if camera.is_none() && options.camera.calibration.is_none() && options.camera.intrinsics.is_none() {
             cameras::report_missing(&cameras, &ids, on_event);
         }
@@ -177,8 +186,7 @@ impl Dataset {
         frame: &mut Frame,
         on_event: OnEvent<'_>,
     ) -> Result<(), EvalError> {
-        let path = self.path("rgb", id, &IMAGE_EXTENSIONS)?;
-        self.check_joined("rgb", id, &path)?;
+        let path = self.joined("rgb", id, id, &IMAGE_EXTENSIONS)?;
         frame.camera = self.cameras.get(id).copied().or(self.camera);
         let name = self.name("rgb", id, &path);
         let decoded = decode(&path, frame).and_then(|decoded| refuse_turned(frame).map(|()| decoded));
@@ -192,14 +200,16 @@ impl Dataset {
 
     /// Reads the truth of an image, which must have the size `image` if that is given.
     pub(crate) fn truth(&self, id: &str, image: Option<ImageSize>) -> Result<Truth, EvalError> {
-        let path = self.path("depth", self.partner(id), &depth::ENDINGS)?;
-        self.check_joined("depth", id, &path)?;
+        let path = self.joined("depth", id, self.partner(id), &depth::ENDINGS)?;
         let name = || self.name("depth", id, &path);
         let depth = DepthFile::read(&path);
         let depth = depth.map_err(|source| EvalError::ReadImage { image: name().into(), source })?;
         let depth = self.rotation.into_iter().fold(depth, DepthFile::rotated);
         let (size, is_meters) = (depth.size(), depth.is_meters());
-        check_size(name, size, image.unwrap_or(size))?;
+        let expected = image.unwrap_or(size);
+        if size != expected {
+            return Err(EvalError::Size { image: name(), got: size, expected, is_labels: false });
+        }
         let mut depth_m = depth.meters(self.units).map_err(|error| match error {
             UnitError::Unknown => EvalError::UnknownUnit { depth: name() },
             UnitError::Fixed => EvalError::FixedUnit { depth: name().to_string() },
@@ -212,7 +222,9 @@ impl Dataset {
     }
 
     fn labels_of(&self, folder: &LabelFolder, id: &str, size: ImageSize) -> Result<Vec<u8>, EvalError> {
-        let path = self.path(folder.name, self.partner(id), &LABEL_ENDINGS)?;
+        let file = self.partner(id);
+        let path = image_path(&self.root.join(folder.name), file, &LABEL_ENDINGS)?;
+        let path = path.ok_or_else(|| self.missing(folder.name, file, &LABEL_ENDINGS))?;
         let name = || ImageName::from(&*path);
         let labels = decode_numbers(&path);
         let labels = labels.map_err(|source| EvalError::ReadImage { image: name().into(), source })?;
@@ -220,7 +232,9 @@ impl Dataset {
             Some(rotation) => labels.rotated(rotation),
             None => labels,
         };
-        check_size(name, labels.size, size)?;
+        if labels.size != size {
+            return Err(EvalError::Size { image: name(), got: labels.size, expected: size, is_labels: true });
+        }
         folder.classes(&labels, &path)
     }
 
@@ -240,17 +254,30 @@ impl Dataset {
         }
     }
 
-    /// Where names are times, a missing file is a time without a partner.
-    fn check_joined(&self, folder: &'static str, id: &str, path: &Path) -> Result<(), EvalError> {
-        if self.partners.is_empty() || path.exists() {
-            return Ok(());
+    /// The file of an image or of its depth, which has the name `file`. Where names are times, a missing file
+    /// is a time without a partner.
+    fn joined(
+        &self,
+        folder: &'static str,
+        id: &str,
+        file: &str,
+        endings: &[&str],
+    ) -> Result<PathBuf, EvalError> {
+        match image_path(&self.root.join(folder), file, endings)? {
+            Some(path) => Ok(path),
+            None if self.partners.is_empty() => Err(self.missing(folder, file, endings)),
+            None => Err(EvalError::NoPartner { folder, id: id.to_owned(), apart_ms: MAX_APART_MS }),
         }
-        Err(EvalError::NoPartner { folder, id: id.to_owned(), apart_ms: MAX_APART_MS })
     }
 
-    /// The file of an image. If there is none, the expected path.
-    fn path(&self, folder: &str, id: &str, endings: &[&str]) -> Result<PathBuf, EvalError> {
-        image_path(&self.root.join(folder), id, endings)
+    /// The error for a file that does not exist.
+    fn missing(&self, folder: &str, file: &str, endings: &[&str]) -> EvalError {
+        let path = self.root.join(folder);
+        let image = match &self.unpacked {
+            None => missing_image(&path, file, endings),
+            Some(_) => self.name(folder, file, &path),
+        };
+        EvalError::ReadImage { image: image.into(), source: SourceError::bad_frame("there is no such image") }
     }
 
     fn blank_outside<T: Copy>(&self, width: u32, values: &mut [T], none: T) {
@@ -300,22 +327,6 @@ fn list_known(
         )));
     }
     Ok(ids)
-}
-
-/// The camera that the dataset states in `camera.json`, as rendered clips do.
-fn camera_of(root: &Path) -> Result<Option<Camera>, EvalError> {
-    let path = root.join("camera.json");
-    if !path.is_file() {
-        return Ok(None);
-    }
-    let text = plain_file::read_text(&path, CameraFile::MAX_BYTES).map_err(EvalError::read(&path))?;
-    let file: CameraFile = serde_json::from_str(&text).map_err(EvalError::read(&path))?;
-    Ok(Some(file.camera().map_err(EvalError::read(&path))?))
-}
-
-/// Two images that belong together have one size.
-fn check_size(name: impl Fn() -> ImageName, got: ImageSize, expected: ImageSize) -> Result<(), EvalError> {
-    if got == expected { Ok(()) } else { Err(EvalError::Size { image: name(), got, expected }) }
 }
 
 /// Says whether times were used, and which files were ignored therefore.
@@ -424,6 +435,34 @@ mod tests {
         both(dataset.truth("a", None).unwrap_err(), ["depth/a.png", "depth/a.npy"]);
         let image = dataset.image("b", &mut Frame::default(), &mut |_| {});
         both(image.unwrap_err(), ["rgb/b.jpg", "rgb/b.png"]);
+    }
+
+    #[test]
+    fn a_missing_file_is_named_with_every_ending_it_could_have() {
+        let root = folder(&["rgb/a.png", "depth/b.npy", "labels/b.png"]);
+        let classes = ["floor".to_owned()];
+        let mut dataset = Dataset::open(&EvalOptions::new(root.path()), &classes, &mut |_| {}).unwrap();
+        let name = |error| match error {
+            EvalError::ReadImage { image, .. } => image.to_string(),
+            other => panic!("{other}"),
+        };
+        let depth = name(dataset.truth("a", None).unwrap_err());
+        assert!(depth.ends_with("/depth/a.png` or `a.npy`"), "{depth}");
+        let image = name(dataset.image("b", &mut Frame::default(), &mut |_| {}).unwrap_err());
+        assert!(image.ends_with("/rgb/b.jpg`, `b.jpeg` or `b.png`"), "{image}");
+    }
+
+    #[test]
+    fn labels_of_another_size_are_an_error_of_labels() {
+        let root = folder(&["rgb/a.png", "labels/a.png", "depth/a.png"]);
+        image::ImageBuffer::<image::Luma<u16>, _>::new(8, 8).save(root.path().join("depth/a.png")).unwrap();
+        image::GrayImage::new(4, 8).save(root.path().join("labels/a.png")).unwrap();
+        let classes = ["floor".to_owned()];
+        let dataset = Dataset::open(&EvalOptions::new(root.path()), &classes, &mut |_| {}).unwrap();
+        let error = dataset.truth("a", None).unwrap_err();
+        assert!(matches!(error, EvalError::Size { is_labels: true, .. }), "{error}");
+        let error = dataset.truth("a", Some((4, 8).into())).unwrap_err();
+        assert!(matches!(error, EvalError::Size { is_labels: false, .. }), "{error}");
     }
 
     #[test]
