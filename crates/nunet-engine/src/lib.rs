@@ -59,4 +59,4 @@ pub use models::{find_model, model_folders};
 pub use options::EngineOptions;
 pub use pool::Pooled;
 pub use telemetry::{TELEMETRY_VARIABLE, Telemetry};
-pub use text::{file_sha256, hexadecimal};
+pub use text::{file_sha256, hexadecimal, sha256_bytes};

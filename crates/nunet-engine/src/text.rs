@@ -21,6 +21,15 @@ pub fn hexadecimal(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
+/// The bytes of a SHA-256 in hexadecimal digits; `None` if the text is not one.
+#[must_use]
+pub fn sha256_bytes(text: &str) -> Option<[u8; 32]> {
+    let is_hexadecimal = text.bytes().all(|digit| digit.is_ascii_hexdigit());
+    let byte = |index: usize| u8::from_str_radix(text.get(2 * index..2 * index + 2)?, 16).ok();
+    let bytes: Option<Vec<u8>> = (0..text.len().div_ceil(2)).map(byte).collect();
+    bytes.filter(|_| is_hexadecimal)?.try_into().ok()
+}
+
 /// The SHA-256 of a file, hexadecimal, as `sha256sum` prints it; `None` if it is not a regular file.
 ///
 /// # Errors

@@ -68,7 +68,7 @@ pub use error_report::{ErrorReport, HintOf, flag_hint, hint_of};
 pub use hint::{CAUSE_MARK, Hint, hint_of_listen, join_hint, split_hint, text_with_causes, text_with_hint};
 pub use host_port::is_host_and_port;
 pub use image_size::{ImageSize, ImageSizeError, MAX_SIDE_PX};
-pub use message::{Clock, Encoding, MAX_FRAME_ID, Topic, Wake};
+pub use message::{Clock, Encoding, MAX_FRAME_ID, Topic, Wake, default_frame_id};
 pub use obstacle::{
     MAX_OBSTACLE_POINTS, MAX_SECTORS, ObstacleMap, ObstaclePoint, ObstacleSector, SectorState,
 };

@@ -6,6 +6,12 @@ use crate::vocabulary::vocabulary;
 /// The bytes of a coordinate frame's name that fit into the header of a message.
 pub const MAX_FRAME_ID: usize = 64;
 
+/// The default coordinate frame of a camera.
+#[must_use]
+pub fn default_frame_id(camera: &str) -> String {
+    format!("{camera}_optical_frame")
+}
+
 vocabulary! {
     /// What a service carries; the last part of its name.
     Topic as "topic" {

@@ -4,8 +4,7 @@ use std::net::SocketAddr;
 use std::num::NonZeroU64;
 use std::path::PathBuf;
 
-use clap::builder::PossibleValue;
-use clap::{Args, ValueEnum};
+use clap::Args;
 use nunet_core::frame::PixelFormat;
 use nunet_ipc::Limits;
 use nunet_mavlink::MavlinkAddress;
@@ -319,15 +318,5 @@ impl SourceArgs {
             settings: CameraSettings { exposure: value(&self.exposure), gain: value(&self.gain) },
             frames: value(&self.frames),
         }
-    }
-}
-
-impl ValueEnum for Publish {
-    fn value_variants<'a>() -> &'a [Self] {
-        &Self::ALL
-    }
-
-    fn to_possible_value(&self) -> Option<PossibleValue> {
-        Some(PossibleValue::new(self.name()))
     }
 }

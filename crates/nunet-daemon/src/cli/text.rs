@@ -5,16 +5,19 @@ use std::net::SocketAddr;
 use std::num::{NonZeroU32, NonZeroU64, NonZeroUsize};
 use std::str::FromStr;
 
+use clap::ValueEnum;
+use clap::builder::PossibleValue;
 use nunet_core::camera::IntrinsicsSpec;
 use nunet_core::filter::FilterSpec;
 use nunet_core::frame::PixelFormat;
 use nunet_core::graph::Provider;
+use nunet_engine::sha256_bytes;
 use nunet_mavlink::MavlinkAddress;
 use nunet_ros2::{DepthFormat, LinkName};
 use nunet_types::{ImageSize, text_with_hint};
 use serde::de::{Deserialize, Deserializer, Error as _};
 
-use crate::config::{AttitudeSource, MAX_FRAME_ID, MountOption, StabilityLimit};
+use crate::config::{AttitudeSource, MAX_FRAME_ID, MountOption, Publish, StabilityLimit};
 use crate::exit::BadArguments;
 use crate::source::{CameraSetting, Rate, Rotation};
 
@@ -90,6 +93,16 @@ impl FromText for SocketAddr {
     fn from_text(text: &str) -> Result<Self, BadArguments> {
         parsed(text, "ADDRESS:PORT, such as `127.0.0.1:9477`", |_| true)
             .map_err(|error| error.with_hint("write the address in numbers: 127.0.0.1 is this machine"))
+    }
+}
+
+impl ValueEnum for Publish {
+    fn value_variants<'a>() -> &'a [Self] {
+        &Self::ALL
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        Some(PossibleValue::new(self.name()))
     }
 }
 
@@ -187,12 +200,8 @@ pub struct Hash(pub [u8; 32]);
 
 impl FromText for Hash {
     fn from_text(text: &str) -> Result<Self, BadArguments> {
-        let digits = |index: usize| text.get(2 * index..2 * index + 2);
-        let byte = |index: usize| u8::from_str_radix(digits(index)?, 16).ok();
-        let bytes: Option<Vec<u8>> = (0..text.len().div_ceil(2)).map(byte).collect();
-        let hash = bytes.and_then(|bytes| bytes.try_into().ok());
-        hash.map(Self)
-            .ok_or_else(|| BadArguments::new(format!("expected 64 hexadecimal digits, got `{text}`")))
+        let expected = || BadArguments::new(format!("expected 64 hexadecimal digits, got `{text}`"));
+        sha256_bytes(text).map(Self).ok_or_else(expected)
     }
 }
 
@@ -211,7 +220,9 @@ mod tests {
     #[test]
     fn hashes_are_64_hexadecimal_digits() {
         assert_eq!(Hash::from_text(&"0f".repeat(32)), Ok(Hash([15; 32])));
-        for wrong in ["", "0f", &"0".repeat(63), &"0".repeat(66), &"0g".repeat(32), &"ß".repeat(32)] {
+        for wrong in
+            ["", "0f", &"0".repeat(63), &"0".repeat(66), &"0g".repeat(32), &"+f".repeat(32), &"ß".repeat(32)]
+        {
             assert!(Hash::from_text(wrong).unwrap_err().to_string().ends_with(&format!("got `{wrong}`")));
         }
     }

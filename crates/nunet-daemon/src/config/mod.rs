@@ -22,7 +22,7 @@ pub use nunet_sink::attitude::{AttitudeConfig, AttitudeSource};
 pub use nunet_sink::mount_option::MountOption;
 pub use nunet_sink::obstacles::ObstacleConfig;
 pub use nunet_sink::stability::StabilityLimit;
-pub use nunet_types::MAX_FRAME_ID;
+pub use nunet_types::{MAX_FRAME_ID, default_frame_id};
 pub use values::{LogOptions, Publish};
 
 use crate::exit::BadArguments;
@@ -197,12 +197,6 @@ pub struct AccessConfig {
     pub group: String,
     /// The file mode, if it is not the default.
     pub mode: Option<u32>,
-}
-
-/// The default coordinate frame of a camera.
-#[must_use]
-pub fn default_frame_id(camera: &str) -> String {
-    format!("{camera}_optical_frame")
 }
 
 /// The coordinate frame of depth and cloud: the configured one, or the camera's default.
