@@ -9,6 +9,7 @@
 //! | [`recorder`], [`frame_writer`], [`output_file`] | recordings in MCAP files |
 //! | [`image_encoder`] | images as JPEG or PNG |
 //! | [`file_plan`] | checks that no file is both read and written, or written twice |
+//! | [`output_paths`] | the paths of a run's outputs: checked before anything slow, created last |
 //! | [`last_frame`], [`file_writer`] | the results of the last frame as files; a thread that writes files |
 //! | [`stdout`] | results on standard output, and log lines |
 //! | [`metrics`], [`view`] | counts and latencies for Prometheus; frames for the live view |
@@ -41,6 +42,7 @@ pub mod obstacle_images;
 pub mod obstacle_record;
 pub mod obstacles;
 pub mod output_file;
+pub mod output_paths;
 pub mod queue;
 pub mod record;
 pub mod recorder;

@@ -1,7 +1,6 @@
 //! `nunetd run`: publishes depth of sources of frames in shared memory.
 
 mod camera;
-mod outputs;
 mod servers;
 
 use std::path::Path;
@@ -10,19 +9,18 @@ use std::sync::Arc;
 use anyhow::Context as _;
 use nunet_core::pipeline::Pipeline;
 use nunet_engine::Engine;
-use nunet_files::write_json;
+use nunet_files::{FilesError, write_json};
 use nunet_ipc::{Access, IpcError, share_with};
 use nunet_sink::file_writer::FileWriter;
 use nunet_telemetry::{Counts, DrainTimeout};
 use tracing::{error, info};
 
-use self::camera::span_of;
-use self::outputs::OutputPaths;
+use self::camera::{output_paths, span_of};
 use self::servers::Servers;
 use super::load::load_unless;
 use crate::Outcome;
 use crate::config::{AccessConfig, Config};
-use crate::exit::BadArguments;
+use crate::exit::{BadArguments, in_camera};
 use crate::sink::stats::{Common, ModelName, Stats};
 use crate::source::{Notify, SourceName};
 use crate::stream::{self, SourceEnd, Stop, Stopped, StreamEnd, StreamSummary};
@@ -44,8 +42,9 @@ pub(crate) fn run(config: &Config, warn: impl FnOnce()) -> anyhow::Result<Outcom
 fn start(config: &Config, stop: &Stop, warn: impl FnOnce()) -> anyhow::Result<Outcome> {
     share(config.outputs.access.as_ref())?;
     let cameras = camera::prepare(camera::plans(config)?, stop, SourceName::open)?;
-    let outputs = OutputPaths::of(&cameras, config.outputs.stats_json.as_deref());
-    outputs.check()?;
+    let (outputs, several) = (output_paths(&cameras, config), cameras.len() > 1);
+    let of_camera = |error: FilesError, camera: &str| in_camera(error.into(), camera, several);
+    outputs.check(of_camera)?;
 
     // Before the model, because a port in use is noticed at once.
     let servers = Servers::open(&config.outputs, cameras.len())?;
@@ -56,14 +55,13 @@ fn start(config: &Config, stop: &Stop, warn: impl FnOnce()) -> anyhow::Result<Ou
     let common = Common { model: &model, provider: &provider, classes: &classes };
 
     let names: Vec<String> = cameras.iter().map(|camera| camera.plan.config.name.to_string()).collect();
-    let several = names.len() > 1;
     let cameras = cameras.into_iter().zip(pipelines);
     let cameras = cameras.map(|(camera, pipeline)| camera.open(pipeline, common, several, stop));
     let cameras = cameras.collect::<anyhow::Result<Vec<_>>>()?;
     // Last, so that a failed start leaves no folders and no recordings. From the first recording on, the
     // stream handles a stop.
     stop.check()?;
-    outputs.make()?;
+    outputs.make(of_camera)?;
     warn();
     let notify = Arc::new(Notify::default());
     let streams = cameras.into_iter().map(|camera| camera.start(common, &servers, &notify));
@@ -91,9 +89,9 @@ pub(super) fn check(config: &Config) -> anyhow::Result<()> {
     access(config.outputs.access.as_ref())?;
     config.engine.check()?;
     let cameras = camera::prepare(camera::plans(config)?, &stop, SourceName::probe)?;
-    OutputPaths::of(&cameras, config.outputs.stats_json.as_deref()).check()?;
-    let (_, pipelines) = load_pipelines(config, &stop)?;
     let several = cameras.len() > 1;
+    output_paths(&cameras, config).check(|error, camera| in_camera(error.into(), camera, several))?;
+    let (_, pipelines) = load_pipelines(config, &stop)?;
     cameras.into_iter().zip(pipelines).try_for_each(|(camera, pipeline)| camera.check(pipeline, several))
 }
 

@@ -13,6 +13,7 @@ use nunet_sink::obstacles::ObstacleStage;
 use nunet_sink::output_file::recording_path;
 use tracing::{Span, error, error_span};
 
+use nunet_sink::output_paths::{CameraPaths, OutputPaths};
 use super::servers::Servers;
 use crate::config::{CameraConfig, Config};
 use crate::exit::{BadArguments, in_camera};
@@ -169,6 +170,17 @@ pub(super) fn prepare<'a>(
 
 /// The span for log lines of one camera, if there are several.
 pub(super) fn span_of(camera: &str, several: bool) -> Span {
+/// All output paths of a run.
+pub(super) fn output_paths(cameras: &[PreparedCamera<'_>], config: &Config) -> OutputPaths {
+    let paths = |PreparedCamera { plan, .. }: &PreparedCamera<'_>| CameraPaths {
+        camera: plan.config.name.to_string(),
+        folder: plan.config.out.clone(),
+        record: plan.record.clone(),
+    };
+    let stats_json = config.outputs.stats_json.clone();
+    OutputPaths { cameras: cameras.iter().map(paths).collect(), stats_json }
+}
+
     if several { error_span!("camera", name = %camera) } else { Span::none() }
 }
 
