@@ -1,5 +1,9 @@
 //! `nunetd infer`: files that hold what the network said.
 
+use std::ffi::OsStr;
+use std::os::unix::ffi::OsStrExt as _;
+use std::process::Output;
+
 use nunet_testkit::models;
 
 use crate::support::{Bench, SIZE, nunetd, outcome, run, run_well, snapshot, text};
@@ -156,6 +160,53 @@ fn a_secret_is_not_printed_and_not_ignored() {
     assert!(!bad.contains("secret"), "{bad}");
     let unused = outcome(&Bench::new(), nunetd(&["-q", "--source", "demo", "--view-token", "abc"]));
     snapshot!([bad, unused].join("\n\n"));
+}
+
+/// `nunetd config` with a value of the variable, and other flags.
+fn config_with_token(token: &OsStr, rest: &[&str]) -> Output {
+    let bench = Bench::new();
+    let model = bench.arg("model.onnx");
+    let mut command = nunetd(&[&["-q", "config", "--source", "demo", "--model", &model], rest].concat());
+    command.env("NUNET_VIEW_TOKEN", token);
+    run(command)
+}
+
+#[test]
+fn a_token_in_the_environment_is_ignored_without_the_view_and_unset_if_it_is_empty() {
+    let loopback = ["--view", "127.0.0.1:0"];
+    for token in [&b""[..], b"my secret", b"\xff", &[b'x'; 300]].map(OsStr::from_bytes) {
+        let output = config_with_token(token, &[]);
+        assert_eq!(output.status.code(), Some(0), "{token:?}: {}", text(&output.stderr));
+        let code = if token.is_empty() { 0 } else { 2 };
+        let output = config_with_token(token, &loopback);
+        let error = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(code), "{token:?}: {error}");
+        assert_eq!(error.contains("NUNET_VIEW_TOKEN"), code == 2, "{error}");
+    }
+    let output = config_with_token(OsStr::new(""), &["--view", "0.0.0.0:0"]);
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output.stderr));
+    // Whoever passes an empty token wanted one.
+    let output = config_with_token(OsStr::new("abc"), &[&loopback[..], &["--view-token", ""]].concat());
+    let error = text(&output.stderr);
+    assert!(output.status.code() == Some(2) && error.contains("--view-token"), "{error}");
+    let output = config_with_token(OsStr::new("abc"), &["--view-token", "abc"]);
+    assert_eq!(output.status.code(), Some(2), "no --view: {}", text(&output.stderr));
+}
+
+#[test]
+fn the_printed_configuration_names_the_variable_of_the_token_and_not_its_value() {
+    let view = ["--view", "127.0.0.1:0"];
+    let printed = |rest: &[&str]| {
+        let output = config_with_token(OsStr::new("s3cret"), rest);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        let printed = text(&output.stdout);
+        assert!(!printed.contains("s3cret"), "{printed}");
+        printed
+    };
+    assert!(printed(&view).contains("\n# view-token is set by NUNET_VIEW_TOKEN\n"), "{}", printed(&view));
+    assert!(printed(&[]).contains("\n# view-token is not set\n"), "{}", printed(&[]));
+    let of_flag = printed(&[&view[..], &["--view-token", "abc"]].concat());
+    assert!(of_flag.contains("\nview-token = \"abc\"\n"), "a file that --config takes: {of_flag}");
 }
 
 #[test]

@@ -31,6 +31,16 @@ impl Token {
         Err(ViewError::Token { reason })
     }
 
+    /// The token that is the value of an environment variable; `None` if it is not set or empty.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn of_variable(name: &str) -> Result<Option<Self>, ViewError> {
+        let text = std::env::var_os(name).filter(|text| !text.is_empty());
+        // What is not Unicode becomes a character that is not allowed.
+        text.map(|text| Self::new(text.to_string_lossy())).transpose()
+    }
+
     /// Whether `presented` is the token. How long it takes does not depend on where the two differ.
     #[must_use]
     pub fn matches(&self, presented: &str) -> bool {

@@ -173,7 +173,10 @@ fn syntax_error(error: &toml::de::Error) -> Mistake {
             .with_hint("remove `camera =`: each section has its own `name`")
             .into();
     }
-    BadArguments::new(format!("it is not valid TOML: {}", text.trim_end())).into()
+    // The library quotes the line too, which may contain a token or a password.
+    let place = text.lines().next().and_then(|first| first.strip_prefix("TOML parse error"));
+    BadArguments::new(format!("it is not valid TOML{}: {}", place.unwrap_or_default(), error.message()))
+        .into()
 }
 
 /// The `[[camera]]` sections; `None` for a file of one camera.

@@ -10,7 +10,7 @@ use nunet_ipc::Limits;
 use nunet_mavlink::MavlinkAddress;
 use nunet_ros2::{DepthFormat, LinkName, Ros2Options, Topics};
 use nunet_types::ImageSize;
-use nunet_view::{UncheckedToken, ViewConfig};
+use nunet_view::{Token, UncheckedToken, ViewConfig};
 use serde::Deserialize;
 
 use super::lens::mount_for;
@@ -90,7 +90,7 @@ impl RunArgs {
 }
 
 /// The variable with the secret of the view.
-const TOKEN_VARIABLE: &str = "NUNET_VIEW_TOKEN";
+pub(super) const TOKEN_VARIABLE: &str = "NUNET_VIEW_TOKEN";
 
 /// The live view in the browser.
 #[derive(Debug, Args, Clone, Deserialize)]
@@ -101,18 +101,14 @@ pub struct ViewArgs {
     pub view: Option<Text<SocketAddr>>,
     /// The secret that viewers must present; required if other machines can reach the address of --view. The
     /// environment variable `NUNET_VIEW_TOKEN` keeps it out of the list of processes
-    #[arg(long, value_name = "TOKEN", env = TOKEN_VARIABLE, hide_env_values = true)]
+    #[arg(long, value_name = "TOKEN")]
     pub view_token: Option<UncheckedToken>,
 }
 
 impl ViewArgs {
     fn config(&self) -> anyhow::Result<Option<ViewConfig>> {
-        // Checked here, because the errors of clap and serde would contain the secret.
-        let token = self.view_token.as_ref().map(UncheckedToken::check).transpose();
-        let token = token.map_err(|error| BadArguments::of(&error))?;
         let Some(Text(address)) = self.view else {
-            // A variable in the environment may be meant for another program.
-            if token.is_some() && std::env::var_os(TOKEN_VARIABLE).is_none() {
+            if self.view_token.is_some() {
                 let error = BadArguments::new("--view-token is given without --view");
                 return Err(error.with_hint("pass --view ADDRESS:PORT too").into());
             }
@@ -130,11 +126,23 @@ impl ViewArgs {
 #[serde(rename_all = "kebab-case")]
 pub struct Ros2Args {
     /// Publish ROS 2 topics below /CAMERA/: `dds`, or `dds:DOMAIN` for another domain than that of the
+        let token = self.token()?;
     /// environment; `zenoh` as `rmw_zenoh` does, or `zenoh:ENDPOINT` for another router, such as
     /// `zenoh:tcp/192.168.1.5:7447`. May be given more than once. Nothing is encoded without subscribers
     #[arg(long, value_name = "dds[:DOMAIN]|zenoh[:ENDPOINT]")]
     #[serde(default)]
     pub ros2: Vec<Text<LinkName>>,
+
+    /// The secret of the flag, otherwise that of the variable, unless it is empty. clap does not read the
+    /// variable: it would check it without --view too, and `nunetd config` would print it.
+    fn token(&self) -> Result<Option<Token>, BadArguments> {
+        let (origin, token) = match &self.view_token {
+            // Not checked by clap and serde, because their errors would contain the secret.
+            Some(token) => ("--view-token", token.check().map(Some)),
+            None => (TOKEN_VARIABLE, Token::of_variable(TOKEN_VARIABLE)),
+        };
+        token.map_err(|error| BadArguments::of(&error).map_message(|message| format!("{origin}: {message}")))
+    }
     /// `default`, `all`, or a list of names below /CAMERA/, such as `scan,depth/points` [default: obstacles,
     /// and depth at half size]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]

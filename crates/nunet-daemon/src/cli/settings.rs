@@ -17,6 +17,7 @@ use tracing::warn;
 
 use super::file::ConfigFile;
 use super::keys::{CAMERA_NAME_KEY, excludes, is_on, is_setting, stream_flags};
+use super::run::TOKEN_VARIABLE;
 use super::{Cli, LogArgs, RunArgs, StreamArgs};
 use crate::config::{CameraConfig, Config};
 use crate::exit::BadArguments;
@@ -200,8 +201,10 @@ impl RunCommand {
     fn line_of(&self, key: &str, table: &Table, camera: &CameraConfig, config: &Config) -> String {
         let SettingLayers { defaults, environment, .. } = &self.settings;
         let value = [table, environment, defaults].into_iter().find_map(|layer| layer.get(key)).cloned();
+        let has_token = config.outputs.view.as_ref().is_some_and(|view| view.token.is_some());
         match value.or_else(|| dependent_default(key, camera, config).map(Value::String)).map(as_number) {
             Some(value) => format!("{key} = {value}{}\n", self.settings.mark(table, key)),
+            None if key == "view-token" && has_token => format!("# {key} is set by {TOKEN_VARIABLE}\n"),
             None => format!("# {key} is not set\n"),
         }
     }

@@ -358,6 +358,26 @@ fn a_mistake_in_the_file_is_printed_without_the_usage_of_the_command_line() {
 }
 
 #[test]
+fn a_mistake_in_the_file_quotes_no_line_which_may_contain_a_secret() {
+    for config in [
+        "view-token = s3cret",
+        "view_token = \"s3cret",
+        "view-token = 's3cret' # s3cret\nview-token = 's3cret'",
+        "view-token = \"\"\"\ns3cret\\q\"\"\"",
+        "source = \"rtsp://admin:s3cret@10.0.0.4/front",
+        "[[camera]]\nsource = 'rtsp://10.0.0.4/?password=s3cret",
+        "camera = 'rtsp://admin:s3cret@10.0.0.4/'\n[[camera]]\nname = 'a'",
+        "view-token = ['s3cret']",
+        "view-tokn = 's3cret'",
+        "[[camera]]\nview-token = 's3cret'",
+    ] {
+        let error = refused(config);
+        assert!(error.starts_with("error: `[FILE]`") && !error.contains("s3cret"), "{config}: {error}");
+    }
+    assert_names("source = 'demo'\nview-token = s3cret", &["`[FILE]`", "not valid TOML at line 2, column "]);
+}
+
+#[test]
 fn a_file_cannot_control_the_terminal() {
     let error = parse("source = 'demo'\nrate = \"a\\u001b[31m\"", "run").unwrap_err();
     assert!(error.contains("`a\\u001b[31m`") && !error.contains('\u{1b}'), "{error}");
