@@ -35,12 +35,11 @@ fn hints_in_texts(path: &str, text: &str) -> Vec<String> {
 }
 
 /// Types with hints that are in no chain of causes, and what their hints are copied into instead.
-const COPIED: [(&str, &str); 5] = [
+const COPIED: [(&str, &str); 4] = [
     ("AddressError", "`BadArguments`: it is an error of a flag"),
     ("CameraFault", "`SourceError`"),
     ("DimImages", "a warning of what reads the images"),
     ("NoAttitude", "a warning of `AttitudeStage`"),
-    ("ViewError", "`WithHint`: its hints name the flags"),
 ];
 
 /// The variants of transparent errors in a file that its `Hint` does not name. Only the error inside is

@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 use std::error::Error as StdError;
 use std::io::Write as _;
+use std::net::SocketAddr;
 
 use nunet_engine::{EngineError, EngineErrorKind, details_of};
 use nunet_eval::{CalibrateError, EvalError, EvalErrorKind};
@@ -17,6 +18,7 @@ pub use nunet_sink::sink::Outcome;
 use nunet_sink::stdout::StdoutError;
 use nunet_source::{CameraNews, SourceError, SourceErrorKind};
 use nunet_types::{ErrorReport, Hint, HintOf, flag_hint, hint_of, printable, split_hint};
+use nunet_view::ViewError;
 use tracing::warn;
 
 /// An error of the arguments: exit code 2 instead of 1.
@@ -129,6 +131,7 @@ const HINTS: &[HintOf] = &[
     hint_of::<SourceError>,
     hint_of::<Ros2Error>,
     hint_of::<FoxgloveServerError>,
+    hint_of::<ViewError>,
     hint_of::<nunet_mcap::RecordingError>,
 ];
 
@@ -140,6 +143,11 @@ pub(crate) fn camera_name(name: &str) -> Result<CameraName, BadArguments> {
 /// Adds the name of the camera; the kind of the error stays the same.
 pub(crate) fn in_camera(error: anyhow::Error, camera: &str, several: bool) -> anyhow::Error {
     if several { error.context(format!("camera `{camera}` cannot begin")) } else { error }
+}
+
+/// The error of a server that cannot listen on its address. The hint is that of the cause.
+pub(crate) fn cannot_serve(what: &str, at: SocketAddr, error: impl Into<anyhow::Error>) -> anyhow::Error {
+    WithHint::plain(format!("cannot serve {what} on `{at}`")).because(error).into()
 }
 
 /// Warns about the assumption that replaces unknown intrinsics, and about images that are cropped or
@@ -251,6 +259,8 @@ pub(crate) fn chain_text(error: &anyhow::Error) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::io::ErrorKind;
+
     use anyhow::{Context as _, anyhow};
 
     use super::*;
@@ -287,6 +297,24 @@ mod tests {
             WithHint::new("cannot read `a`\nhint: b\u{1b}[2J`", "remove `a`\nhint: b\u{1b}[2J`").into();
         let name = "`a`\\nhint: b\\u001b[2J`";
         assert_eq!(chain_text(&error), format!("error: cannot read {name}\nhint: remove {name}\n"));
+    }
+
+    #[test]
+    fn an_address_that_cannot_be_used_has_the_hint_of_its_reason_whatever_is_served() {
+        let address = "127.0.0.1:80".parse().unwrap();
+        for (kind, expected) in [
+            (ErrorKind::AddrInUse, "another port"),
+            (ErrorKind::PermissionDenied, "above 1023"),
+            (ErrorKind::AddrNotAvailable, "an address of this machine"),
+        ] {
+            let view = ViewError::Listen { address, source: kind.into() };
+            let foxglove = FoxgloveServerError::Listen { address, source: kind.into() };
+            for error in [cannot_serve("a", address, view), cannot_serve("b", address, foxglove)] {
+                let (text, hints) = message_and_hints(&error);
+                let [hint] = &hints[..] else { panic!("{text}: {hints:?}") };
+                assert!(hint.contains(expected), "{text}: {hint}");
+            }
+        }
     }
 
     #[test]

@@ -4,16 +4,15 @@ use nunet_foxglove::{FoxgloveConfig, FoxgloveServer};
 use tracing::info;
 
 use super::{Sink, SinkContext};
-use crate::exit::WithHint;
+use crate::exit::{WithHint, cannot_serve};
 
 /// Opens the server for a number of cameras.
 ///
 /// # Errors
 /// The address is in use, or is not an address of this machine.
 pub(crate) fn open_server(config: FoxgloveConfig, cameras: usize) -> anyhow::Result<FoxgloveServer> {
-    let server = FoxgloveServer::open(config, cameras).map_err(|error| {
-        WithHint::plain(format!("cannot serve Foxglove on `{}`", config.address)).because(error)
-    })?;
+    let server = FoxgloveServer::open(config, cameras)
+        .map_err(|error| cannot_serve("Foxglove", config.address, error))?;
     info!("open ws://{} in Foxglove", server.address());
     Ok(server)
 }

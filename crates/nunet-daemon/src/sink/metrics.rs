@@ -10,7 +10,7 @@ use nunet_view::MetricsServer;
 use tracing::info;
 
 use super::{Sink, SinkContext};
-use crate::exit::WithHint;
+use crate::exit::cannot_serve;
 
 /// Serves the metrics of all cameras until the returned value is dropped.
 ///
@@ -18,10 +18,8 @@ use crate::exit::WithHint;
 /// The address is in use or is not an address of this machine.
 pub(crate) fn serve(metrics: &Metrics, address: SocketAddr) -> anyhow::Result<MetricsServer> {
     let metrics = metrics.clone();
-    let server = MetricsServer::open(address, Arc::new(move || metrics.text())).map_err(|error| {
-        let message = format!("cannot serve metrics on `{address}`");
-        WithHint::new(message, "pass --metrics 127.0.0.1:PORT with a free port").because(error)
-    })?;
+    let server = MetricsServer::open(address, Arc::new(move || metrics.text()))
+        .map_err(|error| cannot_serve("metrics", address, error))?;
     info!("metrics on http://{}/metrics", server.address());
     Ok(server)
 }
@@ -46,6 +44,13 @@ mod tests {
         let error = serve(&Metrics::default(), taken.local_addr().unwrap()).err().unwrap();
         let text = crate::exit::chain_text(&error);
         assert!(text.contains(&format!("metrics on `{}`", taken.local_addr().unwrap())), "{text}");
-        assert!(text.contains(" --metrics 127.0.0.1:PORT"), "{text}");
+        assert!(text.contains("\nhint: choose another port"), "{text}");
+    }
+
+    #[test]
+    fn an_address_of_another_machine_is_an_error_with_its_own_hint() {
+        let error = serve(&Metrics::default(), "192.0.2.1:0".parse().unwrap()).err().unwrap();
+        let text = crate::exit::chain_text(&error);
+        assert!(text.contains("\nhint: choose an address of this machine"), "{text}");
     }
 }

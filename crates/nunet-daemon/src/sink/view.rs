@@ -8,7 +8,7 @@ use nunet_view::{MetricsText, ViewConfig, ViewOptions, ViewServer};
 use tracing::info;
 
 use super::{Sink, SinkContext};
-use crate::exit::WithHint;
+use crate::exit::cannot_serve;
 
 /// Opens the server, which serves `metrics` too.
 ///
@@ -18,10 +18,8 @@ pub(crate) fn open_server(config: &ViewConfig, metrics: &Metrics) -> anyhow::Res
     let ViewConfig { address, token } = config.clone();
     let (has_token, metrics) = (token.is_some(), metrics.clone());
     let text: MetricsText = Arc::new(move || metrics.text());
-    let server = ViewServer::open(address, ViewOptions { token, metrics: Some(text) }).map_err(|error| {
-        let message = format!("cannot serve the live view on `{address}`");
-        WithHint::new(message, "pass --view 127.0.0.1:PORT with a free port").because(error)
-    })?;
+    let server = ViewServer::open(address, ViewOptions { token, metrics: Some(text) })
+        .map_err(|error| cannot_serve("the live view", address, error))?;
     let query = if has_token { "?token=TOKEN" } else { "" };
     info!("live view on {}{query}", server.url());
     Ok(server)
@@ -35,6 +33,8 @@ pub(super) fn open(context: &SinkContext<'_>) -> anyhow::Result<Option<Box<dyn S
 
 #[cfg(test)]
 mod tests {
+    use nunet_view::Token;
+
     use super::*;
 
     /// A server on a free port of loopback.
@@ -49,6 +49,15 @@ mod tests {
         let error = open_server(&config, &Metrics::default()).err().unwrap();
         let text = crate::exit::chain_text(&error);
         assert!(text.contains(&format!("`{}`", taken.address())), "{text}");
-        assert!(text.contains(" --view 127.0.0.1:PORT"), "{text}");
+        assert!(text.contains("\nhint: choose another port"), "{text}");
+    }
+
+    #[test]
+    fn an_address_of_another_machine_is_an_error_with_its_own_hint() {
+        let token = Some(Token::new("t").unwrap());
+        let config = ViewConfig { address: "192.0.2.1:0".parse().unwrap(), token };
+        let error = open_server(&config, &Metrics::default()).err().unwrap();
+        let text = crate::exit::chain_text(&error);
+        assert!(text.contains("\nhint: choose an address of this machine"), "{text}");
     }
 }
