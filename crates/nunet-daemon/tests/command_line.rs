@@ -3,11 +3,13 @@
 
 use std::fs::OpenOptions;
 use std::io::{BufRead as _, BufReader};
+use std::net::TcpListener;
 use std::process::Stdio;
 
+use nunet_testkit::models;
 use serde_json::Value;
 
-use crate::support::{Bench, Guarded, camera, nunetd, run, run_into, snapshot, text};
+use crate::support::{Bench, Guarded, SIZE, camera, nunetd, run, run_into, snapshot, text};
 
 /// The error of a command: its exit code, and its lines without log lines.
 fn error_of(arguments: &[&str]) -> (Option<i32>, String) {
@@ -42,6 +44,41 @@ fn config_refuses_files_that_run_refuses_with_the_same_words() {
     }
     let fine = run(nunetd(&[&["-q", "config"][..], &good].concat()));
     assert_eq!(fine.status.code(), Some(0), "{}", text(&fine.stderr));
+}
+
+#[test]
+fn config_refuses_topics_and_addresses_that_run_refuses() {
+    let bench = Bench::new();
+    bench.add_model("unet.onnx", &models::unet(SIZE));
+    let (model, name) = (bench.arg("unet.onnx"), camera("config_network"));
+    let config = |rest: &[&str]| {
+        let all = ["-q", "config", "--model", &model, "--source", "demo", "--camera", &name];
+        run(nunetd(&[&all[..], rest].concat()))
+    };
+    // The model has no labels.
+    for topic in ["labels/image_raw", "labels/label_info", "labels/confidence", "scan"] {
+        let output = config(&["--ros2", "dds", "--ros2-topics", topic]);
+        let error = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{topic}: {error}");
+        assert!(error.contains(&format!("`{topic}`")), "{error}");
+    }
+    let output = config(&["--ros2", "dds", "--ros2-topics", "depth/points"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    // An address for documentation (RFC 5737), which no machine has.
+    for flags in [
+        &["--metrics", "192.0.2.1:8080"][..],
+        &["--view", "192.0.2.1:8080", "--view-token", "t"],
+        &["--foxglove", "192.0.2.1:8080", "--foxglove-public"],
+    ] {
+        let output = config(flags);
+        let error = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{flags:?}: {error}");
+        assert!(error.contains("hint: choose an address of this machine"), "{error}");
+    }
+    // It may be a running nunetd that uses the port.
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
+    let output = config(&["--metrics", &taken.local_addr().unwrap().to_string()]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
 }
 
 /// The only line of stderr, as JSON.

@@ -89,7 +89,9 @@ impl Topics {
     /// A topic was asked for that it does not have.
     pub fn of_camera(&self, available: Available) -> Result<BTreeSet<Topic>, Ros2Error> {
         let missing = |topic: Topic| match topic {
-            _ if topic.needs_obstacles() && !available.obstacles => Some("obstacles, which need a mount"),
+            _ if topic.needs_obstacles() && !available.obstacles => {
+                Some("obstacles, which need a mount and depth in meters")
+            }
             _ if topic.needs_labels() && !available.labels => Some("a model with labels"),
             _ if topic.needs_confidence() && !available.confidence => Some("a model with confidence"),
             _ => None,

@@ -46,6 +46,7 @@
 //!
 //! Errors have a [kind](ViewError::kind) and a [hint](nunet_types::Hint).
 
+mod address;
 mod camera;
 mod encode;
 mod error;
@@ -57,6 +58,7 @@ mod protocol;
 mod server;
 mod token;
 
+pub use address::{overlapping_addresses, probe_address};
 pub use camera::{CameraFeed, CameraStatus, OnDemand};
 pub use encode::{DepthMap, DepthMapError};
 pub use error::{ViewError, ViewErrorKind};

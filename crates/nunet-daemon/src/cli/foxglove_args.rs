@@ -3,11 +3,11 @@
 use std::net::SocketAddr;
 
 use clap::Args;
-use nunet_foxglove::FoxgloveConfig;
+use nunet_foxglove::{FoxgloveConfig, FoxgloveServerError};
 use serde::Deserialize;
 
 use super::text::Text;
-use crate::exit::WithHint;
+use crate::exit::{BadArguments, WithHint};
 
 /// The server for Foxglove.
 #[derive(Debug, Args, Clone, Deserialize)]
@@ -25,8 +25,11 @@ pub struct FoxgloveArgs {
 
 impl FoxgloveArgs {
     /// As checked values.
-    pub(crate) fn config(&self) -> Result<Option<FoxgloveConfig>, WithHint> {
+    pub(crate) fn config(&self) -> anyhow::Result<Option<FoxgloveConfig>> {
         let Some(Text(address)) = self.foxglove else { return Ok(None) };
+        if cfg!(not(feature = "foxglove")) {
+            anyhow::bail!(BadArguments::of(&FoxgloveServerError::NotBuilt));
+        }
         let config = FoxgloveConfig { address, is_public: self.foxglove_public };
         config.check().map_err(|error| {
             let hint = "pass --foxglove 127.0.0.1:PORT and forward the port with ssh, or allow it: --foxglove-public";

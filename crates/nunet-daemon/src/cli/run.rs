@@ -8,6 +8,7 @@ use clap::Args;
 use nunet_core::frame::PixelFormat;
 use nunet_ipc::Limits;
 use nunet_mavlink::MavlinkAddress;
+use nunet_ros2::options::Available;
 use nunet_ros2::{DepthFormat, LinkName, Ros2Options, Topics};
 use nunet_types::ImageSize;
 use nunet_view::{Token, UncheckedToken, ViewConfig};
@@ -72,19 +73,30 @@ impl RunArgs {
         let cameras = cameras.iter().map(|camera| camera.config(several)).collect::<Result<Vec<_>, _>>()?;
         let names = cameras.iter().map(|camera| camera.name.as_str());
         ros2.check(names).map_err(|error| BadArguments::of(&error))?;
+        for camera in &cameras {
+            let obstacles = camera.obstacles.is_some();
+            // What the model has is known later.
+            let topics = ros2.topics.of_camera(Available { labels: true, confidence: true, obstacles });
+            topics.map_err(|error| {
+                let error = BadArguments::of(&error).with_hint("pass --mount x,y,z,roll,pitch,yaw");
+                in_camera(error.into(), camera.name.as_str(), several)
+            })?;
+        }
+        let outputs = OutputConfig {
+            access: self.access.config(),
+            metrics: value(&self.metrics),
+            view: self.view.config()?,
+            ros2,
+            foxglove: self.foxglove.config()?,
+            stats_json: self.stats_json.clone(),
+        };
+        outputs.check()?;
         Ok(Config {
             file: None,
             model: ModelConfig { path: self.model.clone(), every: every.collect() },
             engine: self.engine.options(),
             cameras,
-            outputs: OutputConfig {
-                access: self.access.config(),
-                metrics: value(&self.metrics),
-                view: self.view.config()?,
-                ros2,
-                foxglove: self.foxglove.config()?,
-                stats_json: self.stats_json.clone(),
-            },
+            outputs,
         })
     }
 }
@@ -114,24 +126,12 @@ impl ViewArgs {
             }
             return Ok(None);
         };
+        let token = self.token()?;
         nunet_view::check_address(address, token.is_some()).map_err(|error| {
             WithHint::usage(error.to_string(), "pass --view-token TOKEN, or --view 127.0.0.1:PORT")
         })?;
         Ok(Some(ViewConfig { address, token }))
     }
-}
-
-/// The results as topics of ROS 2.
-#[derive(Debug, Args, Clone, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub struct Ros2Args {
-    /// Publish ROS 2 topics below /CAMERA/: `dds`, or `dds:DOMAIN` for another domain than that of the
-        let token = self.token()?;
-    /// environment; `zenoh` as `rmw_zenoh` does, or `zenoh:ENDPOINT` for another router, such as
-    /// `zenoh:tcp/192.168.1.5:7447`. May be given more than once. Nothing is encoded without subscribers
-    #[arg(long, value_name = "dds[:DOMAIN]|zenoh[:ENDPOINT]")]
-    #[serde(default)]
-    pub ros2: Vec<Text<LinkName>>,
 
     /// The secret of the flag, otherwise that of the variable, unless it is empty. clap does not read the
     /// variable: it would check it without --view too, and `nunetd config` would print it.
@@ -143,6 +143,18 @@ pub struct Ros2Args {
         };
         token.map_err(|error| BadArguments::of(&error).map_message(|message| format!("{origin}: {message}")))
     }
+}
+
+/// The results as topics of ROS 2.
+#[derive(Debug, Args, Clone, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct Ros2Args {
+    /// Publish ROS 2 topics below /CAMERA/: `dds`, or `dds:DOMAIN` for another domain than that of the
+    /// environment; `zenoh` as `rmw_zenoh` does, or `zenoh:ENDPOINT` for another router, such as
+    /// `zenoh:tcp/192.168.1.5:7447`. May be given more than once. Nothing is encoded without subscribers
+    #[arg(long, value_name = "dds[:DOMAIN]|zenoh[:ENDPOINT]")]
+    #[serde(default)]
+    pub ros2: Vec<Text<LinkName>>,
     /// `default`, `all`, or a list of names below /CAMERA/, such as `scan,depth/points` [default: obstacles,
     /// and depth at half size]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]

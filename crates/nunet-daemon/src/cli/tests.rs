@@ -377,6 +377,45 @@ fn a_mistake_in_the_file_quotes_no_line_which_may_contain_a_secret() {
     assert_names("source = 'demo'\nview-token = s3cret", &["`[FILE]`", "not valid TOML at line 2, column "]);
 }
 
+/// The error of a command line whose flags contradict each other: its causes and its hints.
+fn config_error(line: &str) -> (String, Vec<String>) {
+    let SubcommandArgs::Run(run) = parse_flags(line).subcommand else { panic!("{line}") };
+    let error = run.config().err().unwrap_or_else(|| panic!("{line} is accepted"));
+    assert!(crate::exit::is_usage(&error), "{line}: {error:#}");
+    crate::exit::message_and_hints(&error)
+}
+
+#[test]
+fn two_servers_at_one_address_are_refused_before_anything_is_opened() {
+    for (one, other) in [("--view", "--metrics"), ("--view", "--foxglove"), ("--metrics", "--foxglove")] {
+        if other == "--foxglove" && cfg!(not(feature = "foxglove")) {
+            continue;
+        }
+        let line = format!("nunetd {one} 127.0.0.1:8080 {other} 127.0.0.1:8080");
+        let (error, hints) = config_error(&line);
+        assert!(error.contains(one) && error.contains(other), "{error}");
+        assert_eq!(hints.len(), 1, "{hints:?}");
+        let free = line.replacen("8080", "0", 1);
+        let SubcommandArgs::Run(run) = parse_flags(&free).subcommand else { panic!("{free}") };
+        assert!(run.config().is_ok(), "{free}");
+    }
+}
+
+#[test]
+#[cfg(feature = "ros2-dds")]
+fn topics_of_obstacles_without_a_mount_are_refused_before_anything_is_opened() {
+    for topic in ["scan", "obstacles/points", "depth/points,scan"] {
+        let line = format!("nunetd --ros2 dds --ros2-topics {topic}");
+        let (error, hints) = config_error(&line);
+        assert!(error.contains("a mount"), "{error}");
+        assert!(hints.iter().any(|hint| hint.contains("--mount")), "{hints:?}");
+        let SubcommandArgs::Run(run) = parse_flags(&format!("{line} --mount 0,0,1,0,0,0")).subcommand else {
+            panic!("{line}")
+        };
+        assert!(run.config().is_ok(), "{line}");
+    }
+}
+
 #[test]
 fn a_file_cannot_control_the_terminal() {
     let error = parse("source = 'demo'\nrate = \"a\\u001b[31m\"", "run").unwrap_err();

@@ -16,7 +16,7 @@ use nunet_mavlink::MavlinkAddress;
 use nunet_ros2::Ros2Options;
 use nunet_source::{CameraGeometry, CameraSettings, OpenOptions, Rate, SourceName};
 use nunet_types::ImageSize;
-use nunet_view::ViewConfig;
+use nunet_view::{ViewConfig, overlapping_addresses};
 
 pub use nunet_sink::attitude::{AttitudeConfig, AttitudeSource};
 pub use nunet_sink::mount_option::MountOption;
@@ -188,6 +188,23 @@ pub struct OutputConfig {
     pub foxglove: Option<FoxgloveConfig>,
     /// The file for frame counts and latencies.
     pub stats_json: Option<PathBuf>,
+}
+
+impl OutputConfig {
+    /// The addresses that servers listen on, each with its flag.
+    pub(crate) fn addresses(&self) -> Vec<(&'static str, SocketAddr)> {
+        let view = self.view.as_ref().map(|view| ("--view", view.address));
+        let metrics = self.metrics.map(|address| ("--metrics", address));
+        let foxglove = self.foxglove.map(|foxglove| ("--foxglove", foxglove.address));
+        [view, metrics, foxglove].into_iter().flatten().collect()
+    }
+
+    /// Refuses two servers at one address.
+    pub(crate) fn check(&self) -> Result<(), BadArguments> {
+        let Some([one, other]) = overlapping_addresses(&self.addresses()) else { return Ok(()) };
+        let error = BadArguments::new(format!("{one} and {other} listen on the same address and port"));
+        Err(error.with_hint("choose another port for one of them"))
+    }
 }
 
 /// The users who may read shared memory, besides this one.

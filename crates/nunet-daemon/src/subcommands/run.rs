@@ -89,10 +89,12 @@ pub(super) fn check(config: &Config) -> anyhow::Result<()> {
     access(config.outputs.access.as_ref())?;
     config.engine.check()?;
     let cameras = camera::prepare(camera::plans(config)?, &stop, SourceName::probe)?;
-    let several = cameras.len() > 1;
+    let (several, topics) = (cameras.len() > 1, &config.outputs.ros2.topics);
     output_paths(&cameras, config).check(|error, camera| in_camera(error.into(), camera, several))?;
+    Servers::check(&config.outputs)?;
     let (_, pipelines) = load_pipelines(config, &stop)?;
-    cameras.into_iter().zip(pipelines).try_for_each(|(camera, pipeline)| camera.check(pipeline, several))
+    let mut cameras = cameras.into_iter().zip(pipelines);
+    cameras.try_for_each(|(camera, pipeline)| camera.check(pipeline, topics, several))
 }
 
 /// Lets a group read, if one is configured.

@@ -6,14 +6,16 @@ use std::sync::Arc;
 use nunet_core::pipeline::Pipeline;
 use nunet_engine::find_model;
 use nunet_ipc::unix_nanos;
+use nunet_ros2::Topics;
+use nunet_ros2::options::Available;
 use nunet_sink::attitude::AttitudeStage;
 use nunet_sink::file_plan::{FilePlan, place};
 use nunet_sink::obstacle_record::obstacle_frame;
 use nunet_sink::obstacles::ObstacleStage;
 use nunet_sink::output_file::recording_path;
+use nunet_sink::output_paths::{CameraPaths, OutputPaths};
 use tracing::{Span, error, error_span};
 
-use nunet_sink::output_paths::{CameraPaths, OutputPaths};
 use super::servers::Servers;
 use crate::config::{CameraConfig, Config};
 use crate::exit::{BadArguments, in_camera};
@@ -168,8 +170,6 @@ pub(super) fn prepare<'a>(
     Ok(cameras)
 }
 
-/// The span for log lines of one camera, if there are several.
-pub(super) fn span_of(camera: &str, several: bool) -> Span {
 /// All output paths of a run.
 pub(super) fn output_paths(cameras: &[PreparedCamera<'_>], config: &Config) -> OutputPaths {
     let paths = |PreparedCamera { plan, .. }: &PreparedCamera<'_>| CameraPaths {
@@ -181,15 +181,20 @@ pub(super) fn output_paths(cameras: &[PreparedCamera<'_>], config: &Config) -> O
     OutputPaths { cameras: cameras.iter().map(paths).collect(), stats_json }
 }
 
+/// The span for log lines of one camera, if there are several.
+pub(super) fn span_of(camera: &str, several: bool) -> Span {
     if several { error_span!("camera", name = %camera) } else { Span::none() }
 }
 
 impl<'a> PreparedCamera<'a> {
-    /// Checks whether the obstacles fit the model, and the camera the first image of files.
-    pub(super) fn check(self, mut pipeline: Pipeline, several: bool) -> anyhow::Result<()> {
+    /// Checks whether the obstacles and the topics of ROS 2 fit the model, and the camera the first image of
+    /// files.
+    pub(super) fn check(self, mut pipeline: Pipeline, topics: &Topics, several: bool) -> anyhow::Result<()> {
         let Self { plan, mut source, mut camera } = self;
         let mut check = || -> anyhow::Result<()> {
-            obstacle_stage(plan.config.obstacles, &pipeline)?;
+            let obstacles = obstacle_stage(plan.config.obstacles, &pipeline)?.is_some();
+            let (labels, confidence) = (pipeline.graph().has_labels(), pipeline.graph().has_confidence());
+            topics.of_camera(Available { labels, confidence, obstacles })?;
             let is_live = plan.config.source.name.properties().is_live();
             match (!is_live).then(|| first_frame(&mut *source)).transpose()?.flatten() {
                 Some(frame) => Ok(camera.update(&frame, &mut pipeline).map(drop)?),

@@ -3,9 +3,10 @@
 use nunet_foxglove::FoxgloveServer;
 use nunet_ros2::Ros2Node;
 use nunet_telemetry::Metrics;
-use nunet_view::{MetricsServer, ViewServer};
+use nunet_view::{MetricsServer, ViewServer, probe_address};
 
 use crate::config::OutputConfig;
+use crate::exit::cannot_serve;
 use crate::sink::{foxglove_channels, metrics, ros2, view};
 
 /// What other programs connect to, for all cameras.
@@ -20,6 +21,14 @@ pub(super) struct Servers {
 }
 
 impl Servers {
+    /// Checks that the configured servers may listen on their addresses. It serves nothing. A port in use may
+    /// be that of a running nunetd, so it is no error here.
+    pub(super) fn check(config: &OutputConfig) -> anyhow::Result<()> {
+        config.addresses().into_iter().try_for_each(|(flag, address)| {
+            probe_address(address).map_err(|error| cannot_serve(flag, address, error))
+        })
+    }
+
     /// Opens the configured servers for a number of cameras.
     pub(super) fn open(config: &OutputConfig, cameras: usize) -> anyhow::Result<Self> {
         let all = Metrics::default();
