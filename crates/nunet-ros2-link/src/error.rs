@@ -65,6 +65,14 @@ pub enum Ros2Error {
     /// A camera whose name cannot be part of a topic.
     #[error(
         "camera name `{name}` cannot be part of a ROS 2 topic, expected letters, digits and single underscores, and no digit first"
+    /// A machine of `ROS_STATIC_PEERS` that has no address.
+    #[error("cannot look up `{name}` (ROS_STATIC_PEERS)")]
+    StaticPeer {
+        /// Its name.
+        name: String,
+        /// Why not.
+        source: io::Error,
+    },
     )]
     CameraName {
         /// The name.
@@ -138,7 +146,7 @@ impl Ros2Error {
             | Self::TopicName { .. }
             | Self::Missing { .. }
             | Self::Transport { .. } => Ros2ErrorKind::Arguments,
-            Self::Network { .. } => Ros2ErrorKind::Network,
+            Self::Network { .. } | Self::StaticPeer { .. } => Ros2ErrorKind::Network,
             Self::Middleware { .. } | Self::Thread(_) => Ros2ErrorKind::System,
         }
     }
@@ -167,6 +175,7 @@ impl Hint for Ros2Error {
             Self::Transport { name } => {
                 Some(format!("build nunetd with the Cargo feature `ros2-{name}`").into())
             }
+            Self::StaticPeer { .. } => Some("state the IPv4 address of the machine".into()),
             _ => None,
         }
     }

@@ -3,6 +3,7 @@
 //! | module | what it contains |
 //! |---|---|
 //! | [`environment`] | the variables of ROS 2: domain, discovery range, Zenoh's configuration |
+//! | `static_peer` | machines beyond the discovery range |
 //! | [`link_name`] | which network a connection uses: DDS or Zenoh |
 //! | [`message_type`] | types of messages: names and hashes |
 //! | [`name`] | names of topics and types |
@@ -24,6 +25,7 @@ pub mod message_type;
 pub mod name;
 #[cfg(any(feature = "ros2-dds", feature = "ros2-zenoh"))]
 mod queue;
+mod static_peer;
 #[cfg(feature = "ros2-zenoh")]
 mod zenoh;
 
@@ -35,3 +37,4 @@ pub use error::{Ros2Error, Ros2ErrorKind};
 pub use link::{Arrival, Delivery, Endpoint, Link, MessagePublisher, MessageSubscriber, Received};
 pub use link_name::{LinkName, ZenohEndpoint};
 pub use message_type::MessageType;
+pub use static_peer::StaticPeer;

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use nunet_types::is_host_and_port;
 
-use crate::environment;
+use crate::environment::{self, Environment};
 use crate::error::Ros2Error;
 
 /// Protocols of Zenoh endpoints with an address of the form HOST:PORT.
@@ -32,6 +32,20 @@ pub enum LinkName {
 
 /// The address of a Zenoh router or peer, such as `tcp/192.168.1.5:7447`.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+impl LinkName {
+    /// What this connection uses of the environment of this process. Variables of the other transport are not
+    /// read.
+    ///
+    /// # Errors
+    /// A variable has a value that it does not take.
+    pub fn environment(&self) -> Result<Environment, Ros2Error> {
+        match self {
+            Self::Dds { domain } => Environment::for_dds(*domain),
+            Self::Zenoh { .. } => Environment::for_zenoh(),
+        }
+    }
+}
+
 pub struct ZenohEndpoint(String);
 
 impl ZenohEndpoint {

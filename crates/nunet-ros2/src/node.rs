@@ -3,7 +3,6 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use nunet_ros2_link::environment::Environment;
 use nunet_ros2_link::{Endpoint, Link, Ros2Error, connect};
 use nunet_sink::sink::Sink;
 use tracing::{info, warn};
@@ -29,8 +28,7 @@ impl Ros2Node {
     /// # Errors
     /// A variable of the environment is wrong, or the network cannot be used.
     pub fn open(options: &Ros2Options) -> Result<Self, Ros2Error> {
-        let environment = Environment::of_process()?;
-        let links = options.links.iter().map(|name| connect(name, &environment));
+        let links = options.links.iter().map(|name| connect(name, &name.environment()?));
         let links = distinct(links.collect::<Result<_, _>>()?);
         Ok(Self { links, options: options.clone(), network: ROS_2 })
     }

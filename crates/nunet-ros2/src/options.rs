@@ -4,7 +4,6 @@ use std::collections::BTreeSet;
 use std::str::FromStr;
 
 use nunet_mcap::CameraMount;
-use nunet_ros2_link::environment::Environment;
 use nunet_ros2_link::name::is_valid_part;
 use nunet_ros2_link::{LinkName, Ros2Error, check};
 use nunet_telemetry::MessageCounts;
@@ -134,8 +133,7 @@ impl Ros2Options {
         if self.links.is_empty() {
             return Ok(());
         }
-        let environment = Environment::of_process()?;
-        self.links.iter().try_for_each(|link| check(link, &environment))?;
+        self.links.iter().try_for_each(|link| check(link, &link.environment()?))?;
         cameras.try_for_each(check_camera_name)
     }
 }

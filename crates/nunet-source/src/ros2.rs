@@ -61,13 +61,13 @@ impl SourceType for Ros2Topic {
 
     fn check(&self, name: &str) -> Result<(), SourceError> {
         let (_, link) = parse(name).map_err(source_error)?;
-        let environment = Environment::of_process().map_err(source_error)?;
+        let environment = link.environment().map_err(source_error)?;
         check(&link, &environment).map_err(source_error)
     }
 
     fn open(&self, name: &str, options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError> {
         let (topic, link) = parse(name).map_err(source_error)?;
-        let environment = Environment::of_process().map_err(source_error)?;
+        let environment = link.environment().map_err(source_error)?;
         let source = Ros2Source::open(&topic, &link, &environment)?;
         // The coordinate frame of the message is not that of the rotated image.
         let states_frame_id = !options.has_frame_id && options.rotation.is_none();

@@ -37,6 +37,7 @@ use crate::error::Ros2Error;
 use crate::link::{Delivery, Endpoint, Link, MessagePublisher, MessageSubscriber};
 use crate::message_type::MessageType;
 use crate::name::{dds_type, ros_type};
+use crate::static_peer::StaticPeer;
 
 /// How often the participant announces itself.
 const ANNOUNCEMENT_PERIOD: Duration = Duration::from_secs(1);
@@ -94,7 +95,9 @@ impl DdsLink {
         if environment.range == DiscoveryRange::Off {
             warn!("ROS_AUTOMATIC_DISCOVERY_RANGE is OFF: only nodes that look for this one find it");
         }
-        let transport = UdpTransport::open(environment);
+        let peers = environment.static_peers.iter().map(StaticPeer::addresses);
+        let peers = peers.collect::<Result<Vec<_>, _>>()?.concat();
+        let transport = UdpTransport::open(environment, &peers);
         let transport = transport.map_err(|source| Ros2Error::Network { domain, source })?;
         let shared = transport.shared();
         let factory = Arc::new(factory(transport)?);

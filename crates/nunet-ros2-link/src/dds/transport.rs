@@ -62,9 +62,10 @@ struct Sockets {
 }
 
 impl UdpTransport {
-    /// Opens the sockets of the first free participant of the domain.
-    pub(super) fn open(environment: &Environment) -> io::Result<Self> {
-        let &Environment { domain, range, ref static_peers, .. } = environment;
+    /// Opens the sockets of the first free participant of the domain. `static_peers` are the addresses of
+    /// those of `environment`.
+    pub(super) fn open(environment: &Environment, static_peers: &[Ipv4Addr]) -> io::Result<Self> {
+        let &Environment { domain, range, .. } = environment;
         let is_local = range != DiscoveryRange::Subnet;
         // Nothing can be sent to another machine from a socket of the loopback.
         let is_on_loopback = is_local && static_peers.is_empty();
