@@ -52,6 +52,9 @@ pub enum Ros2Error {
         /// Why not.
         reason: String,
     },
+    /// A Zenoh client that can have no connection.
+    #[error("a Zenoh client needs a router, but `connect/endpoints` is empty and multicast is off")]
+    NoZenohRouter,
     /// A variable of ROS 2 with a value that it does not take.
     #[error("{variable} is `{value}`, expected {expected}")]
     Variable {
@@ -62,9 +65,6 @@ pub enum Ros2Error {
         /// The values that it takes.
         expected: &'static str,
     },
-    /// A camera whose name cannot be part of a topic.
-    #[error(
-        "camera name `{name}` cannot be part of a ROS 2 topic, expected letters, digits and single underscores, and no digit first"
     /// A machine of `ROS_STATIC_PEERS` that has no address.
     #[error("cannot look up `{name}` (ROS_STATIC_PEERS)")]
     StaticPeer {
@@ -73,6 +73,9 @@ pub enum Ros2Error {
         /// Why not.
         source: io::Error,
     },
+    /// A camera whose name cannot be part of a topic.
+    #[error(
+        "camera name `{name}` cannot be part of a ROS 2 topic, expected letters, digits and single underscores, and no digit first"
     )]
     CameraName {
         /// The name.
@@ -141,6 +144,7 @@ impl Ros2Error {
             | Self::Endpoint { .. }
             | Self::ZenohFile { .. }
             | Self::ZenohSetting { .. }
+            | Self::NoZenohRouter
             | Self::Variable { .. }
             | Self::CameraName { .. }
             | Self::TopicName { .. }
@@ -171,11 +175,14 @@ impl Hint for Ros2Error {
             Self::ZenohSetting { .. } => {
                 Some("separate settings of the form KEY=VALUE by `;`, such as `mode=\"client\"`".into())
             }
+            Self::NoZenohRouter => {
+                Some("name a router in `connect/endpoints`, such as `tcp/192.168.1.5:7447`".into())
+            }
+            Self::StaticPeer { .. } => Some("state the IPv4 address of the machine".into()),
             Self::Network { .. } => Some("another domain has other ports".into()),
             Self::Transport { name } => {
                 Some(format!("build nunetd with the Cargo feature `ros2-{name}`").into())
             }
-            Self::StaticPeer { .. } => Some("state the IPv4 address of the machine".into()),
             _ => None,
         }
     }

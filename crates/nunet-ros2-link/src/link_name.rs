@@ -12,6 +12,8 @@ use crate::error::Ros2Error;
 const IP_PROTOCOLS: [&str; 3] = ["tcp", "udp", "tls"];
 /// The protocol whose address is a path.
 const UNIX_PROTOCOL: &str = "unixsock-stream";
+/// The lowest priority of Zenoh; the highest is 0.
+const LAST_PRIORITY: u8 = 7;
 /// Zenoh keeps endpoints in strings of this length.
 const MAX_ENDPOINT_BYTES: usize = 255;
 
@@ -30,8 +32,6 @@ pub enum LinkName {
     },
 }
 
-/// The address of a Zenoh router or peer, such as `tcp/192.168.1.5:7447`.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 impl LinkName {
     /// What this connection uses of the environment of this process. Variables of the other transport are not
     /// read.
@@ -46,6 +46,8 @@ impl LinkName {
     }
 }
 
+/// The address of a Zenoh router or peer, such as `tcp/192.168.1.5:7447`.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct ZenohEndpoint(String);
 
 impl ZenohEndpoint {
@@ -89,20 +91,47 @@ impl FromStr for ZenohEndpoint {
     type Err = Ros2Error;
 
     fn from_str(text: &str) -> Result<Self, Ros2Error> {
-        let (protocol, rest) = text.split_once('/').unwrap_or((text, ""));
-        // Metadata and settings may follow, such as `?prio=6-7` and `#iface=eth0`.
-        let address = rest.split(['?', '#']).next().unwrap_or_default();
-        let is_valid = match protocol {
-            UNIX_PROTOCOL => !address.is_empty(),
-            _ => IP_PROTOCOLS.contains(&protocol) && is_host_and_port(address),
-        };
         let is_plain = |character: char| character.is_ascii_graphic() && !"\"'\\".contains(character);
-        if is_valid && text.len() <= MAX_ENDPOINT_BYTES && text.chars().all(is_plain) {
+        if is_endpoint(text) && text.len() <= MAX_ENDPOINT_BYTES && text.chars().all(is_plain) {
             Ok(Self(text.to_owned()))
         } else {
             Err(Ros2Error::Endpoint { value: text.to_owned() })
         }
     }
+}
+
+/// Whether a text has a protocol of this build, an address of that protocol, and metadata that Zenoh takes.
+pub(crate) fn is_endpoint(text: &str) -> bool {
+    let (protocol, rest) = text.split_once('/').unwrap_or((text, ""));
+    // Metadata and settings may follow, such as `?prio=6-7` and `#iface=eth0`.
+    let without_settings = rest.split('#').next().unwrap_or_default();
+    let (address, metadata) = match without_settings.split_once('?') {
+        Some((address, metadata)) => (address, Some(metadata)),
+        None => (without_settings, None),
+    };
+    let is_address = match protocol {
+        UNIX_PROTOCOL => !address.is_empty(),
+        _ => IP_PROTOCOLS.contains(&protocol) && is_host_and_port(address),
+    };
+    is_address && metadata.is_none_or(is_metadata)
+}
+
+/// Whether metadata such as `prio=6-7;rel=1` have values that Zenoh takes: a range of priorities, and whether
+/// a link is reliable. Zenoh itself notices others only when it connects, and then tries without end.
+fn is_metadata(metadata: &str) -> bool {
+    metadata.split(';').all(|setting| match setting.split_once('=') {
+        Some(("prio", range)) => is_range(range),
+        Some(("rel", value)) => ["0", "1"].contains(&value),
+        Some((key, _)) => !key.is_empty(),
+        None => false,
+    })
+}
+
+/// Whether a text is `FIRST-LAST`, or one priority.
+fn is_range(text: &str) -> bool {
+    let (first, last) = text.split_once('-').unwrap_or((text, text));
+    let priority = |text: &str| text.parse::<u8>().ok().filter(|priority| *priority <= LAST_PRIORITY);
+    matches!((priority(first), priority(last)), (Some(first), Some(last)) if first <= last)
 }
 
 #[cfg(test)]
@@ -130,6 +159,8 @@ mod tests {
             "tls/robot.local:7447",
             "tcp/[::1]:7447",
             "tcp/10.0.0.1:7447#iface=eth0",
+            "tcp/10.0.0.1:7447?prio=6-7;rel=1#iface=eth0",
+            "tcp/10.0.0.1:7447?prio=5",
             "unixsock-stream//run/zenoh.sock",
         ] {
             let link = format!("zenoh:{text}").parse::<LinkName>().unwrap();
@@ -142,6 +173,12 @@ mod tests {
             "tcp/robot:70000",
             "tcp/:7447",
             "tcp/::1:7447",
+            "tcp/[zz]:7447",
+            "tcp/10.0.0.1:7447?",
+            "tcp/10.0.0.1:7447?prio",
+            "tcp/10.0.0.1:7447?prio=9-1",
+            "tcp/10.0.0.1:7447?prio=1-8",
+            "tcp/10.0.0.1:7447?rel=yes",
             "http/robot:80",
             "tcp:robot:7447",
             "tcp/ro\"bot:7447",

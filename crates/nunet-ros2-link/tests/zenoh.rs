@@ -4,6 +4,7 @@
 
 use std::net::TcpListener;
 use std::sync::Arc;
+use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
 
 use nunet_ros2_link::environment::{Environment, ZenohVariables};
@@ -37,6 +38,20 @@ fn router(endpoint: &str) -> Arc<dyn Link> {
 
 fn node(endpoint: &str) -> Arc<dyn Link> {
     session(&format!("zenoh:{endpoint}"), String::new())
+}
+
+/// A session that must not wait for its router.
+fn at_once(name: String, zenoh: ZenohVariables) -> Arc<dyn Link> {
+    let (opened, opening) = channel();
+    let environment = Environment { domain: 3, zenoh, ..Environment::default() };
+    std::thread::spawn(move || {
+        let _ = opened.send(connect_alone(&name.parse().unwrap(), &environment));
+    });
+    opening.recv_timeout(TIMEOUT).unwrap().unwrap()
+}
+
+fn with_settings(settings: &str) -> ZenohVariables {
+    ZenohVariables { config_override: Some(settings.to_owned()), ..ZenohVariables::default() }
 }
 
 fn wait_until(what: &str, mut condition: impl FnMut() -> bool) {
@@ -140,4 +155,57 @@ fn leaving_takes_a_limited_time_without_a_router() {
     assert!(start.elapsed() < TIMEOUT);
     let endpoint = LinkName::Zenoh { endpoint: Some("tcp/127.0.0.1:1".parse().unwrap()) };
     assert!(connect_alone(&endpoint, &Environment::default()).is_ok(), "the router is tried later");
+}
+
+#[test]
+fn a_client_starts_without_its_router_and_finds_it_whenever_it_comes() {
+    let endpoint = free_endpoint();
+    let there = at_once(format!("zenoh:{endpoint}"), with_settings("mode=\"client\""));
+    let publisher = there.publisher("camera", &SCAN, FRAMES).unwrap();
+    let problem = format!("no Zenoh router at {endpoint}");
+    wait_until("its absence is noticed", || there.problem().as_deref() == Some(&problem));
+    for _ in 0..2 {
+        let here = router(&endpoint);
+        let mut subscriber = here.subscriber("planner", &SCAN).unwrap();
+        wait_for_subscribers(&*publisher, 1);
+        wait_until("the router is found", || there.problem().is_none());
+        let mut message = Vec::new();
+        wait_until("a message arrives", || {
+            assert!(publisher.send(&[1, 2, 3]));
+            let taken = subscriber.take(&mut message, Duration::ZERO);
+            matches!(taken, Arrival::Message(_)) && message == [1, 2, 3]
+        });
+        drop((subscriber, here));
+        wait_until("its end is noticed", || there.problem().is_some());
+    }
+}
+
+#[test]
+fn a_client_connects_to_the_router_that_is_there() {
+    let (absent, present) = (free_endpoint(), free_endpoint());
+    let here = router(&present);
+    let endpoints = format!("connect/endpoints=[\"{absent}\",\"{present}\"]");
+    let there = at_once("zenoh".to_owned(), with_settings(&format!("mode=\"client\";{endpoints}")));
+    let publisher = there.publisher("camera", &SCAN, FRAMES).unwrap();
+    let _subscriber = here.subscriber("planner", &SCAN).unwrap();
+    wait_for_subscribers(&*publisher, 1);
+}
+
+#[test]
+fn neither_a_file_nor_a_setting_makes_a_session_wait_or_fail_without_a_router() {
+    let endpoint = free_endpoint();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("session.json5");
+    std::fs::write(&path, format!("{{ mode: 'client', connect: {{ endpoints: ['{endpoint}'] }} }}")).unwrap();
+    let file = ZenohVariables { session_config: Some(path), ..ZenohVariables::default() };
+    let peer = with_settings("connect/exit_on_failure=true;connect/timeout_ms=-1");
+    let client = with_settings("mode=\"client\";connect/timeout_ms=-1");
+    for (name, zenoh) in [
+        ("zenoh".to_owned(), file),
+        (format!("zenoh:{endpoint}"), peer),
+        (format!("zenoh:{endpoint}"), client),
+    ] {
+        let link = at_once(name, zenoh);
+        assert_eq!(link.publisher("camera", &SCAN, FRAMES).unwrap().subscribers(), 0);
+    }
 }

@@ -9,10 +9,12 @@ use tracing::{debug, info, warn};
 use zenoh::liveliness::LivelinessToken;
 use zenoh::{Config, Session, Wait as _};
 
-use super::config::{configuration, reason_of, routers};
+use super::client::Client;
+use super::config::{configuration, failed, is_client, router_place, routers};
 use super::dropped::DropCounter;
 use super::graph::RemotePublishers;
 use super::keys::{Entity, TopicKey};
+use super::place::RouterPlace;
 use super::publisher::TopicPublisher;
 use super::router::Router;
 use super::subscriber::TopicSubscriber;
@@ -21,6 +23,8 @@ use crate::error::Ros2Error;
 use crate::link::{Delivery, Endpoint, Link, MessagePublisher, MessageSubscriber};
 use crate::link_name::LinkName;
 
+/// The longest time that opening a session may take. Only settings such as `listen/timeout_ms=-1` wait.
+const MAX_OPENING: Duration = Duration::from_secs(30);
 /// The longest time that closing the session may take.
 const MAX_LEAVING: Duration = Duration::from_secs(5);
 
@@ -49,6 +53,8 @@ pub(crate) fn shared(name: &LinkName, environment: &Environment) -> Result<Arc<d
 /// A session of Zenoh.
 struct ZenohLink {
     session: Session,
+    /// What connects the session if it is in client mode; `None` once it is closed, too.
+    client: Option<Client>,
     /// The name of the session, as tokens have it.
     name: String,
     domain: u16,
@@ -77,13 +83,21 @@ impl Graph {
 
 impl ZenohLink {
     fn open(config: Config, environment: &Environment) -> Result<Self, Ros2Error> {
-        let (routers, domain) = (routers(&config), environment.domain);
-        let session = zenoh::open(config).wait().map_err(failed("open a Zenoh session"))?;
-        info!("ROS 2 over Zenoh by {routers} in domain {domain}");
+        let (place, domain) = (router_place(&config), environment.domain);
+        let (session, client) = if is_client(&config) {
+            let (session, client) = Client::open(config)?;
+            (session, Some(client))
+        } else {
+            (open_session(config)?, None)
+        };
+        match &place {
+            None | Some(RouterPlace::Nowhere) => info!("ROS 2 over Zenoh in domain {domain}, no router"),
+            Some(place) => info!("ROS 2 over Zenoh in domain {domain}, router {place}"),
+        }
         let is_expected = environment.zenoh.router_check_attempts >= 0;
-        let router = Arc::new(Router::new(is_expected.then_some(routers)));
+        let router = Arc::new(Router::new(place.filter(|_| is_expected)));
         let (name, drop_counter) = (session.zid().to_string(), DropCounter::new(&session));
-        Ok(Self { name, session, domain, state: Mutex::default(), router, drop_counter })
+        Ok(Self { name, session, client, domain, state: Mutex::default(), router, drop_counter })
     }
 
     fn lock(&self) -> MutexGuard<'_, Graph> {
@@ -118,15 +132,30 @@ impl ZenohLink {
     }
 }
 
-fn failed(action: &'static str) -> impl Fn(zenoh::Error) -> Ros2Error {
-    move |error| Ros2Error::Middleware { action, reason: reason_of(&error) }
+/// A session that connects in the background.
+fn open_session(config: Config) -> Result<Session, Ros2Error> {
+    const ACTION: &str = "open a Zenoh session";
+    let (opened, opening) = channel();
+    let open = move || opened.send(zenoh::open(config).wait());
+    let started = std::thread::Builder::new().name("zenoh start".to_owned()).spawn(open);
+    started.map_err(Ros2Error::Thread)?;
+    match opening.recv_timeout(MAX_OPENING) {
+        Ok(session) => session.map_err(failed(ACTION)),
+        Err(_) => {
+            let reason = format!("it waited {} s for an address, see `listen`", MAX_OPENING.as_secs());
+            Err(Ros2Error::Middleware { action: ACTION, reason })
+        }
+    }
 }
 
 impl Drop for ZenohLink {
     /// Other nodes learn at once that this one leaves. The library waits for a peer that takes nothing.
     fn drop(&mut self) {
-        let (session, (left, leaving)) = (self.session.clone(), channel());
-        let leave = move || left.send(session.close().wait());
+        let (session, client, (left, leaving)) = (self.session.clone(), self.client.take(), channel());
+        let leave = move || {
+            let closed = session.close().wait();
+            left.send(closed.and(client.map_or(Ok(()), Client::close)))
+        };
         let started = std::thread::Builder::new().name("zenoh end".to_owned()).spawn(leave);
         match started.map(|_| leaving.recv_timeout(MAX_LEAVING)) {
             Ok(Ok(Ok(()))) => {}

@@ -5,12 +5,14 @@
 //! subscribes to. They disappear with their session.
 
 mod attachment;
+mod client;
 mod config;
 mod dropped;
 mod graph;
 mod inbox;
 mod keys;
 mod link;
+mod place;
 mod publisher;
 mod router;
 mod subscriber;

@@ -6,6 +6,8 @@ use std::time::{Duration, Instant};
 use tracing::{info, warn};
 use zenoh::{Session, Wait as _};
 
+use super::place::RouterPlace;
+
 /// How long a result stays valid.
 const CHECK_PERIOD: Duration = Duration::from_secs(1);
 /// How long the first connection may take before its absence is reported.
@@ -14,7 +16,7 @@ const GRACE: Duration = Duration::from_secs(2);
 /// Checks for the router, and reports when it appears and disappears.
 pub(super) struct Router {
     /// Where it is expected; `None` if there need not be one.
-    expected: Option<String>,
+    expected: Option<RouterPlace>,
     state: Mutex<RouterState>,
 }
 
@@ -26,7 +28,7 @@ struct RouterState {
 }
 
 impl Router {
-    pub(super) fn new(expected: Option<String>) -> Self {
+    pub(super) fn new(expected: Option<RouterPlace>) -> Self {
         let state = RouterState { opened: Instant::now(), checked: None, is_connected: None };
         Self { expected, state: Mutex::new(state) }
     }
@@ -44,15 +46,18 @@ impl Router {
                 report(expected, is_connected);
             }
         }
-        (state.is_connected == Some(false)).then(|| format!("no Zenoh router at {expected}"))
+        (state.is_connected == Some(false)).then(|| format!("no Zenoh router {expected}"))
     }
 }
 
-fn report(expected: &str, is_connected: bool) {
+fn report(expected: &RouterPlace, is_connected: bool) {
     if is_connected {
-        info!("connected to the Zenoh router at {expected}");
+        info!("connected to the Zenoh router {expected}");
     } else {
-        let hint = "start one, such as `ros2 run rmw_zenoh_cpp rmw_zenohd`";
-        warn!(hint, "no Zenoh router at {expected}: ROS 2 nodes do not find each other, will keep trying");
+        let hint = expected.hint();
+        warn!(
+            hint = hint.as_str(),
+            "no Zenoh router {expected}: ROS 2 nodes do not find each other, will keep trying"
+        );
     }
 }
