@@ -201,8 +201,8 @@ impl CameraThread {
             network,
             state: Mutex::default(),
         });
-        let own_topic = outputs.iter().map(|(topic, _)| *topic).find(|topic| topic.is_of_one_camera());
-        let own_topic = own_topic.map(|topic| topic.of_camera(camera.name));
+        let own_topics = outputs.iter().map(|(topic, _)| *topic).filter(|topic| topic.is_of_one_camera());
+        let own_topics = own_topics.map(|topic| topic.of_camera(camera.name)).collect();
         Self {
             shared,
             outputs,
@@ -214,7 +214,7 @@ impl CameraThread {
             about: camera.about.to_vec(),
             message: Vec::new(),
             failures: RateLimit::default(),
-            others: OtherPublishers::new(own_topic, Instant::now()),
+            others: OtherPublishers::new(own_topics, Instant::now()),
             unannounced,
             links,
         }

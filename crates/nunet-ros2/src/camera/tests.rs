@@ -319,16 +319,39 @@ fn a_node_that_could_not_be_announced_is_announced_later() {
 
 #[test]
 fn another_publisher_of_the_topics_of_a_camera_is_reported_once() {
-    let (start, own) = (Instant::now(), Some("/front/scan".to_owned()));
+    let start = Instant::now();
+    let own =
+        ["/front/depth/half/image_raw", "/front/scan", "/front/camera_info"].map(str::to_owned).to_vec();
     let link = |published| Arc::new(LateLink { published, ..LateLink::default() }) as Arc<dyn Link>;
-    let both = [link(None), link(Some("/front/scan"))];
-    let reports = |links: &[Arc<dyn Link>], own: Option<String>| {
-        let mut others = OtherPublishers::new(own, start);
+    let reports = |links: &[Arc<dyn Link>], own: &[String]| {
+        let mut others = OtherPublishers::new(own.to_vec(), start);
         (0..40_u32).filter(|tenth| others.check(links, start + LOOK_PERIOD * *tenth / 10)).collect::<Vec<_>>()
     };
-    assert_eq!(reports(&both, own.clone()), [10], "not before nodes had the time to find each other");
-    assert!(reports(&[link(Some("/rear/scan"))], own.clone()).is_empty());
-    assert!(reports(&[], own).is_empty() && reports(&both, None).is_empty());
+    for topic in ["/front/depth/half/image_raw", "/front/scan", "/front/camera_info"] {
+        let both = [link(None), link(Some(topic))];
+        assert_eq!(reports(&both, &own), [10], "not before nodes had the time to find each other");
+        assert!(reports(&both, &[]).is_empty());
+    }
+    assert!(reports(&[link(Some("/rear/scan"))], &own).is_empty());
+    assert!(reports(&[], &own).is_empty());
+}
+
+#[test]
+fn other_publishers_are_looked_for_on_all_topics_of_the_camera() {
+    let (counts, fake) = (MessageCounts::default(), fake(Behavior::Takes));
+    let topics = [Topic::HalfDepth, Topic::Image, Topic::ImageCamera, Topic::Diagnostics];
+    let topics = topics.map(|topic| (topic, &fake));
+    for (published, is_reported) in [
+        ("/front/depth/half/image_raw", true),
+        ("/front/image_raw/compressed", true),
+        ("/front/camera_info", true),
+        ("/diagnostics", false),
+    ] {
+        let (_sink, mut side) = played(&topics, &counts);
+        let link = Arc::new(LateLink { published: Some(published), ..LateLink::default() });
+        let later = Instant::now() + LOOK_PERIOD;
+        assert_eq!(side.others.check(&[link as Arc<dyn Link>], later), is_reported, "{published}");
+    }
 }
 
 #[test]
