@@ -42,6 +42,8 @@ pub enum Topics {
     /// Those that fit into ordinary networks, as far as the camera has them.
     #[default]
     Default,
+    /// Those, and these, which the camera must have.
+    DefaultAnd(BTreeSet<Topic>),
     /// All that the camera has.
     All,
     /// Those of a recording, as far as the camera has them, and no others.
@@ -54,11 +56,19 @@ impl FromStr for Topics {
     type Err = Ros2Error;
 
     fn from_str(text: &str) -> Result<Self, Ros2Error> {
-        match text {
-            "all" => Ok(Self::All),
-            "default" => Ok(Self::Default),
-            _ => text.split(',').map(topic_named).collect::<Result<_, _>>().map(Self::These),
+        let mut names: Vec<_> = text.split(',').map(str::trim).collect();
+        if names == ["all"] {
+            return Ok(Self::All);
         }
+        let listed = names.len();
+        names.retain(|name| *name != "default");
+        let has_default = names.len() < listed;
+        let topics = names.into_iter().map(topic_named).collect::<Result<BTreeSet<_>, _>>()?;
+        Ok(match (has_default, topics.is_empty()) {
+            (true, true) => Self::Default,
+            (true, false) => Self::DefaultAnd(topics),
+            (false, _) => Self::These(topics),
+        })
     }
 }
 
@@ -66,7 +76,7 @@ fn topic_named(name: &str) -> Result<Topic, Ros2Error> {
     let choosable = Topic::ALL.into_iter().filter(|topic| !Topic::ALWAYS.contains(topic));
     choosable.clone().find(|topic| topic.name() == name).ok_or_else(|| {
         let names: Vec<_> = choosable.map(Topic::name).collect();
-        unknown("topic", name, format!("`all` or `default` alone, or a list of {}", names.join(", ")))
+        unknown("topic", name, format!("`all` alone, or a list of default, {}", names.join(", ")))
     })
 }
 
@@ -100,6 +110,7 @@ impl Topics {
         };
         let chosen = match self {
             Self::Default => present(&Topic::DEFAULT),
+            Self::DefaultAnd(topics) => &present(&Topic::DEFAULT) | topics,
             Self::All => present(&Topic::ALL),
             Self::Recorded => return Ok(present(&Topic::RECORDED)),
             Self::These(topics) => topics.clone(),
@@ -173,10 +184,29 @@ mod tests {
 
     #[test]
     fn an_unknown_topic_is_an_error_that_lists_the_known_ones() {
+        for text in ["all,scan", "scan,", "", "default,,scan", "scan depth/points"] {
+            assert!(text.parse::<Topics>().is_err(), "`{text}`");
+        }
         let error = "scan,depht/image_raw".parse::<Topics>().unwrap_err().to_string();
         assert!(error.starts_with("unknown topic `depht/image_raw`, expected `all`"), "{error}");
         assert!(error.contains("depth/image_raw, depth/camera_info"), "{error}");
         assert!("/tf_static".parse::<Topics>().is_err(), "it is always there");
+    }
+
+    #[test]
+    fn lists_may_have_spaces_and_contain_the_default() {
+        let topics = |text: &str| text.parse::<Topics>().unwrap();
+        assert_eq!((topics(" all "), topics("default,default")), (Topics::All, Topics::Default));
+        assert_eq!(
+            topics("depth/points, labels/image_raw"),
+            Topics::These([Topic::Points, Topic::Labels].into())
+        );
+        let both = topics("default, depth/points");
+        assert_eq!(both, topics("depth/points,default"));
+        let nothing = Available::default();
+        let expected = Topics::Default.of_camera(nothing).unwrap().into_iter().chain([Topic::Points]);
+        assert_eq!(both.of_camera(nothing).unwrap(), expected.collect());
+        assert!(topics("default,labels/image_raw").of_camera(nothing).is_err(), "the camera has no labels");
     }
 
     #[test]
