@@ -9,7 +9,6 @@ use nunet_core::camera::{Camera, Intrinsics};
 use nunet_core::depth::{DepthEncoding, Scale};
 use nunet_core::obstacle::{DepthImage, Mount, ObstacleDetector, ObstacleOptions, Obstacles};
 use nunet_ros2::{CameraOptions, Ros2Node, Ros2Options, Topic};
-use nunet_ros2_link::environment::Environment;
 use nunet_ros2_link::{Endpoint, LinkName, MessageSubscriber, connect_alone};
 use nunet_sink::results::Results;
 use nunet_sink::sink::{PublishedFrame, Sink, Timings};
@@ -91,8 +90,9 @@ fn open(counts: &MessageCounts) -> Box<dyn Sink> {
 
 /// A subscriber of each default topic in another participant.
 fn subscribe() -> Vec<Box<dyn MessageSubscriber>> {
-    let environment = Environment::of_process().expect("good variables");
-    let link = connect_alone(&LinkName::Dds { domain: Some(DOMAIN) }, &environment).expect("a network");
+    let name = LinkName::Dds { domain: Some(DOMAIN) };
+    let environment = name.environment().expect("good variables");
+    let link = connect_alone(&name, &environment).expect("a network");
     let subscriber = |topic: Topic| {
         let name = topic.of_camera(CAMERA);
         let endpoint = Endpoint { topic: &name, message_type: topic.message_type() };
