@@ -85,7 +85,7 @@ fn open_reader(
 ) -> Result<Box<dyn ImageReader>, SourceError> {
     let mut input = BufReader::with_capacity(1 << 16, input);
     if let Some(format) = format {
-        return Ok(Box::new(raw::RawReader::new(input, format, name)));
+        return Ok(Box::new(raw::RawReader::open(input, format, name)?));
     }
     let start = input.fill_buf().map_err(|error| image_reader::unreadable(name, error))?;
     match start.first() {
@@ -235,6 +235,18 @@ mod tests {
         assert_eq!(seen.len(), 1);
         let Fill::Cut(error) = end else { panic!("{end:?}") };
         assert_eq!(error.to_string(), "standard input ended after 4 of an image's 6 bytes");
+    }
+
+    /// Its header and its planes would be taken for pixels.
+    #[test]
+    fn y4m_is_not_read_as_raw_images() {
+        let (seen, end) = drain(b"YUV4MPEG2 W3 H2 F25:1 Cmono\nFRAME\n123456", Some(GRAY));
+        let Fill::Broken(error) = end else { panic!("{end:?}") };
+        assert!(seen.is_empty() && nunet_types::Hint::hint(&error).is_some(), "{error}");
+        insta::assert_snapshot!(error, @"standard input is Y4M, and no raw images");
+        let (seen, end) = drain(b"YUV4MPEG3 YU", Some(GRAY));
+        assert_eq!(seen, [b"YUV4MP", b"EG3 YU"]);
+        assert!(matches!(end, Fill::End), "{end:?}");
     }
 
     #[test]

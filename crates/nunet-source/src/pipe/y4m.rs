@@ -12,7 +12,7 @@ use crate::error::{SourceError, SourceErrorKind};
 
 /// The longest header that is read.
 const MAX_HEADER_BYTES: usize = 1024;
-const MAGIC: &[u8] = b"YUV4MPEG2";
+pub(super) const MAGIC: &[u8] = b"YUV4MPEG2";
 const NANOS_PER_SEC: u128 = 1_000_000_000;
 
 /// A stream of images with a header.
