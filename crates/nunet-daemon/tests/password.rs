@@ -5,10 +5,20 @@ use std::io::{Read as _, Write as _};
 use std::net::{TcpListener, TcpStream};
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
+use std::process::Stdio;
 
-use crate::support::{Bench, Guarded, camera, nunetd, text, wait_for};
+use crate::support::{Bench, Guarded, camera, nunetd, run, text, wait_for};
 
 const URL: &str = "rtsp://admin:s3cret@127.0.0.1/front";
+
+/// The same with characters that a URL would have to escape, in the address's parameters, and in a command.
+const OTHERS: [&str; 5] = [
+    "rtsp://admin:12#s3cret@127.0.0.1/front",
+    "rtsp://admin:s3cret it@127.0.0.1/front",
+    "rtsp://127.0.0.1/front?user=admin&password=s3cret",
+    "rtsp://127.0.0.1/user=admin_password=s3cret_channel=1.sdp",
+    "exec:ffmpeg -u admin:s3cret http://127.0.0.1/front",
+];
 
 /// Stands for ffmpeg: repeats its arguments on standard error, as ffmpeg does in errors, and sends images.
 const FFMPEG: &str = "#!/bin/sh
@@ -53,5 +63,34 @@ fn the_password_of_a_network_camera_is_in_no_log_and_in_no_output() {
     let outputs = [shown, metrics, read(&printed), recording, stats];
     for (what, content) in ["log", "metrics", "stdout", "recording", "stats"].iter().zip(&outputs) {
         assert!(!content.contains("s3cret") && !content.contains("admin"), "{what}: {content}");
+    }
+}
+
+#[test]
+fn a_password_of_any_form_is_neither_logged_nor_printed_as_configuration() {
+    let bench = Bench::new();
+    std::fs::write(bench.path("ffmpeg"), FFMPEG).unwrap();
+    std::fs::set_permissions(bench.path("ffmpeg"), std::fs::Permissions::from_mode(0o755)).unwrap();
+    let path = format!("{}:{}", bench.arg(""), std::env::var("PATH").unwrap_or_default());
+    let model = bench.arg("model.onnx");
+    for source in OTHERS {
+        let name = camera("form");
+        let mut config = nunetd(&["config", "--source", source, "--camera", &name, "--model", &model]);
+        config.env("PATH", &path);
+        let output = run(config);
+        let printed = text(&output.stdout);
+        assert!(printed.contains("***") && printed.contains("# without its password"), "{printed}");
+        let mut command = nunetd(&["-vv", "--source", source, "--camera", &name, "--model", &model]);
+        let log = bench.path("log");
+        command.env("PATH", &path).stdout(Stdio::null()).stderr(File::create(&log).unwrap());
+        let mut daemon = Guarded::start(command);
+        let read = || text(&std::fs::read(&log).unwrap_or_default());
+        wait_for("the end of the program", || read().contains("exit code 1").then_some(()));
+        assert_eq!(daemon.stop(), Some(0));
+        let shown = read();
+        assert!(shown.contains("cannot open"), "{shown}");
+        for content in [shown, printed, text(&output.stderr)] {
+            assert!(!content.contains("s3cret"), "{source}: {content}");
+        }
     }
 }

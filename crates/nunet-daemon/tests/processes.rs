@@ -66,6 +66,24 @@ fn sigterm_sigint_and_sighup_end_a_run_cleanly_with_its_stats() {
 }
 
 #[test]
+fn a_program_of_a_source_ends_with_a_daemon_that_is_killed() {
+    let bench = Bench::new();
+    let (model, file, name) = (bench.arg("model.onnx"), bench.arg("pid"), camera("orphan"));
+    // The pause is for its guard, which is started after it.
+    let source = format!("exec:sleep 0.5; echo $$ > {file}; exec sleep 1000");
+    let mut command = nunetd(&["-q", "--model", &model, "--source", &source, "--camera", &name]);
+    command.stderr(Stdio::null());
+    let mut daemon = Guarded::start(command);
+    let pid: u32 = wait_for("the program", || std::fs::read_to_string(&file).ok()?.trim_end().parse().ok());
+    let stat = format!("/proc/{pid}/stat");
+    let is_alive = || std::fs::read_to_string(&stat).is_ok_and(|stat| !stat.contains(") Z "));
+    assert!(is_alive());
+    signal(daemon.pid(), "KILL");
+    assert_eq!(daemon.wait(), None);
+    wait_for("the end of the program", || (!is_alive()).then_some(()));
+}
+
+#[test]
 fn a_daemon_started_with_nohup_survives_its_terminal() {
     let bench = Bench::new();
     let (model, name) = (bench.arg("model.onnx"), camera("nohup"));

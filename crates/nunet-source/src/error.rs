@@ -6,6 +6,8 @@ use std::fmt;
 
 use nunet_types::{Hint, text_with_causes};
 
+use crate::secret::Secrets;
+
 /// The kind of a [`SourceError`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
@@ -79,6 +81,20 @@ impl SourceError {
             setting: None,
             cause: Some(Box::new(self)),
         }
+    }
+
+    /// The error without the secrets of the source's name.
+    pub(crate) fn hiding(self, secrets: &Secrets) -> Self {
+        if secrets.is_empty() {
+            return self;
+        }
+        let cause = self.cause.map(|cause| {
+            let text = text_with_causes(&*cause);
+            let hidden = secrets.hide(&text);
+            if hidden == text { cause } else { hidden.into() }
+        });
+        let hint = self.hint.map(|hint| secrets.hide(&hint).into());
+        Self { message: secrets.hide(&self.message), hint, cause, kind: self.kind, setting: self.setting }
     }
 
     /// The kind of the error.

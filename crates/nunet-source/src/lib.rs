@@ -90,6 +90,7 @@ pub use registry::SourceName;
 pub use ros2::Ros2Source;
 pub use rotated::Rotated;
 pub use rotation::{Rotation, Rotator};
+pub use secret::without_passwords;
 pub use shm::camera_in;
 pub use source::{Fill, OpenOptions, Source, StartingWith, first_frame};
 pub use source_type::{Exclusive, Properties, SizeUse, SourceType};

@@ -2,10 +2,11 @@
 //!
 //! A new source is a file of its own that implements [`SourceType`], and a line in [`REGISTRY`].
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use crate::error::SourceError;
-use crate::secret::without_passwords;
+use crate::secret::{Secrets, shown_name};
 use crate::source_type::{Exclusive, Properties, SizeUse, SourceType};
 use crate::{CameraSettings, Fill, Frame, OpenOptions, Rotated, Rotation, Source};
 
@@ -56,7 +57,7 @@ pub struct SourceName {
 
 impl std::fmt::Debug for SourceName {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_tuple("SourceName").field(&without_passwords(&self.name)).finish()
+        f.debug_tuple("SourceName").field(&self.shown()).finish()
     }
 }
 
@@ -88,6 +89,12 @@ impl SourceName {
     #[must_use]
     pub fn as_str(&self) -> &str {
         &self.name
+    }
+
+    /// As it may be shown: without a password that is recognized.
+    #[must_use]
+    pub fn shown(&self) -> Cow<'_, str> {
+        shown_name(&self.name)
     }
 
     /// As a path.
@@ -122,12 +129,9 @@ impl SourceName {
     pub fn check(&self, options: &OpenOptions<'_>) -> Result<(), SourceError> {
         let properties = self.properties();
         let bad = |text: String| Err(SourceError::bad_arguments(text));
-        self.kind.check(&self.name)?;
+        self.kind.check(&self.name).map_err(|error| self.without_secrets(error))?;
         if let (Some(topic), false) = (options.topic, properties.has_topics) {
-            return bad(format!(
-                "topic `{topic}` is for recordings: `{}` has no topics",
-                without_passwords(&self.name)
-            ));
+            return bad(format!("topic `{topic}` is for recordings: `{}` has no topics", self.shown()));
         }
         if let (Some(reason), Some(_)) = (properties.own_pace, options.rate) {
             return bad(format!("a rate is for files and devices: {reason}"));
@@ -164,7 +168,12 @@ impl SourceName {
     /// used, options for another kind of source.
     pub fn open(&self, options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError> {
         self.check(&options)?;
-        Ok(rotated(self.kind.open(&self.name, options)?, options.rotation))
+        let source = self.kind.open(&self.name, options).map_err(|error| self.without_secrets(error))?;
+        Ok(rotated(source, options.rotation))
+    }
+
+    fn without_secrets(&self, error: SourceError) -> SourceError {
+        error.hiding(&Secrets::of_name(&self.name))
     }
 
     /// Checks the source without reading from it: a camera may be in use, data read from a pipe is lost, and

@@ -1,38 +1,298 @@
-//! Passwords in URLs of network cameras: never part of a message.
+//! Passwords in names of sources and in what programs write: never part of a message. Where a password
+//! cannot be told from the rest, the rest is hidden too.
 
 use std::borrow::Cow;
+use std::net::{Ipv4Addr, Ipv6Addr};
+use std::ops::Range;
 
 const AFTER_SCHEME: &str = "://";
+/// Replaces a password.
+const HIDDEN: &str = "***";
+/// Kinds of sources whose prefix is no part of a URL.
+const COMMAND: &str = "exec:";
+const OTHER_PREFIXES: [&str; 2] = ["ros2:", "shm:"];
+/// Shorter parts of a password are in many words.
+const MIN_PART_BYTES: usize = 3;
 
-/// A text as it may be shown: each URL in it without its user and password.
-pub(crate) fn without_passwords(text: &str) -> Cow<'_, str> {
-    if !text.contains(AFTER_SCHEME) {
+/// A text as it may be shown, such as a command or a line of its output.
+#[must_use]
+pub fn without_passwords(text: &str) -> Cow<'_, str> {
+    hidden(text, &in_text(text))
+}
+
+/// The name of a source as it may be shown.
+pub(crate) fn shown_name(name: &str) -> Cow<'_, str> {
+    hidden(name, &in_name(name))
+}
+
+/// What was hidden in a source's name, and its parts: programs repeat it in other forms.
+#[derive(Default)]
+pub(crate) struct Secrets(Vec<String>);
+
+impl Secrets {
+    pub(crate) fn of_name(name: &str) -> Self {
+        Self::at(name, in_name(name)).sorted()
+    }
+
+    /// Those in the arguments of a program.
+    pub(crate) fn of_arguments(arguments: &[String]) -> Self {
+        // A URL is one argument, and may have spaces.
+        let ranges = |text: &str| if text.starts_with("rtsp") { in_word(text) } else { in_text(text) };
+        let all = arguments.iter().flat_map(|text| Self::at(text, ranges(text)).0);
+        Self(all.collect()).sorted()
+    }
+
+    fn at(text: &str, ranges: Vec<Range<usize>>) -> Self {
+        let mut all = Vec::new();
+        for secret in ranges.into_iter().filter_map(|range| text.get(range)) {
+            let password = secret.split_once(':').map_or(secret, |(_, password)| password);
+            let escaped = [secret, password].map(str::to_owned);
+            for form in [secret, password].into_iter().filter_map(decoded).chain(escaped) {
+                all.extend(form.split(|c: char| !c.is_alphanumeric()).map(str::to_owned));
+                all.push(form);
+            }
+        }
+        Self(all)
+    }
+
+    /// The longest first: it may contain others.
+    fn sorted(mut self) -> Self {
+        self.0.retain(|secret| secret.len() >= MIN_PART_BYTES);
+        self.0.sort_by_key(|secret| std::cmp::Reverse(secret.len()));
+        self
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// The length of the longest one, bytes.
+    pub(crate) fn longest(&self) -> usize {
+        self.0.first().map_or(0, String::len)
+    }
+
+    /// A text without them and without other passwords.
+    pub(crate) fn hide(&self, text: &str) -> String {
+        let text = self.0.iter().fold(text.to_owned(), |text, secret| text.replace(secret, HIDDEN));
+        without_passwords(&text).into_owned()
+    }
+}
+
+/// A text whose bytes are escaped as in a URL; `None` if it is none.
+fn decoded(text: &str) -> Option<String> {
+    let mut parts = text.split('%');
+    let mut bytes = parts.next()?.as_bytes().to_vec();
+    for part in parts {
+        let (code, rest) = part.split_at_checked(2)?;
+        bytes.push(u8::from_str_radix(code, 16).ok()?);
+        bytes.extend_from_slice(rest.as_bytes());
+    }
+    String::from_utf8(bytes).ok()
+}
+
+/// `text` with ranges, which are in order, replaced.
+fn hidden<'a>(text: &'a str, ranges: &[Range<usize>]) -> Cow<'a, str> {
+    if ranges.is_empty() {
         return text.into();
     }
-    let mut shown = String::with_capacity(text.len());
-    let mut rest = text;
-    while let Some(start) = rest.find(AFTER_SCHEME) {
-        let (before, url) = rest.split_at(start + AFTER_SCHEME.len());
-        shown.push_str(before);
-        let ends_url = |c: char| c.is_whitespace() || matches!(c, '\'' | '"' | '`' | '<' | '>');
-        let (url, after) = url.split_at(url.find(ends_url).unwrap_or(url.len()));
-        match end_of_user(url) {
-            Some(end) => shown.extend(["***@", &url[end..]]),
-            None => shown.push_str(url),
-        }
-        rest = after;
+    let (mut shown, mut end) = (String::with_capacity(text.len()), 0);
+    for range in ranges {
+        shown.extend([text.get(end..range.start).unwrap_or_default(), HIDDEN]);
+        end = range.end;
     }
-    shown.push_str(rest);
+    shown.push_str(text.get(end..).unwrap_or_default());
     shown.into()
 }
 
-/// Where the host begins in a URL without its scheme, after a user; `None` without one.
-fn end_of_user(url: &str) -> Option<usize> {
-    let (host, _) = url.split_once(['/', '?', '#']).unwrap_or((url, ""));
-    // A slash in a password must be escaped. Where it is not, what looks like the port is no number.
-    let has_port = host.rsplit_once(':').is_none_or(|(_, port)| port.bytes().all(|c| c.is_ascii_digit()));
-    let user = host.rfind('@').or_else(|| if has_port { None } else { url.rfind('@') })?;
-    Some(user + 1)
+fn shifted(ranges: Vec<Range<usize>>, by: usize) -> impl Iterator<Item = Range<usize>> {
+    ranges.into_iter().map(move |range| range.start + by..range.end + by)
+}
+
+/// The passwords in a source's name. Except for a command, the whole name is one word, with spaces and
+/// quotes.
+fn in_name(name: &str) -> Vec<Range<usize>> {
+    if let Some(command) = name.strip_prefix(COMMAND) {
+        return shifted(in_text(command), COMMAND.len()).collect();
+    }
+    let prefix = OTHER_PREFIXES.iter().find(|prefix| name.starts_with(**prefix));
+    let start = prefix.map_or(0, |prefix| prefix.len());
+    shifted(in_word(name.get(start..).unwrap_or_default()), start).collect()
+}
+
+/// What the next word may be.
+enum Next {
+    Any,
+    Password,
+    /// A user, perhaps with a password after a colon.
+    User,
+}
+
+/// The passwords in a command, or in a line of its output.
+fn in_text(text: &str) -> Vec<Range<usize>> {
+    let (mut found, mut next) = (Vec::new(), Next::Any);
+    for range in words(text) {
+        let word = text.get(range.clone()).unwrap_or_default();
+        let is_hidden = match next {
+            Next::Any => false,
+            Next::Password => true,
+            Next::User => word.contains(':'),
+        };
+        next = Next::Any;
+        if is_hidden {
+            found.push(range);
+        } else if word.strip_suffix([':', '=']).is_some_and(is_secret_before_words) {
+            found.push(range.end..text.len());
+            break;
+        } else {
+            found.extend(shifted(in_word(word), range.start));
+            next = after_flag(word);
+        }
+    }
+    found.retain(|range| !range.is_empty());
+    found
+}
+
+fn after_flag(word: &str) -> Next {
+    let flag = word.trim_start_matches('-');
+    let is_flag = flag.len() < word.len() && !flag.contains(['=', ':']);
+    if is_flag && is_secret(flag) {
+        Next::Password
+    } else if is_flag && is_user(flag) {
+        Next::User
+    } else {
+        Next::Any
+    }
+}
+
+/// The words of a command, with their quotes, as a shell separates them.
+fn words(text: &str) -> Vec<Range<usize>> {
+    let (mut words, mut is_escaped) = (Vec::new(), false);
+    let (mut start, mut quote): (Option<usize>, Option<char>) = (None, None);
+    for (at, c) in text.char_indices() {
+        match quote {
+            _ if is_escaped => is_escaped = false,
+            Some(open) if open == c => quote = None,
+            open if c == '\\' && open != Some('\'') => {
+                start.get_or_insert(at);
+                is_escaped = true;
+            }
+            None if c.is_whitespace() => words.extend(start.take().map(|start| start..at)),
+            None => {
+                start.get_or_insert(at);
+                quote = matches!(c, '\'' | '"').then_some(c);
+            }
+            Some(_) => {}
+        }
+    }
+    words.extend(start.map(|start| start..text.len()));
+    words
+}
+
+/// The passwords in one word, in order.
+fn in_word(word: &str) -> Vec<Range<usize>> {
+    let mut found: Vec<_> = match word.find(AFTER_SCHEME).map(|scheme| scheme + AFTER_SCHEME.len()) {
+        Some(start) => shifted(in_url(word.get(start..).unwrap_or_default()), start).collect(),
+        None => in_address(word).into_iter().collect(),
+    };
+    if let Some(start) = start_of_value(word) {
+        // What comes after it may be a part of it.
+        found.retain(|range| range.start < start);
+        found.iter_mut().for_each(|range| range.end = range.end.min(start));
+        found.push(start..word.len());
+    }
+    found.retain(|range| !range.is_empty());
+    found
+}
+
+/// The users and passwords in a URL without its scheme. Characters that a URL would have to escape may be in
+/// them. Where the host is an IP address, it is found; otherwise it may be anything after the last `@`.
+fn in_url(url: &str) -> Vec<Range<usize>> {
+    let hosts = url.match_indices('@').map(|(at, _)| at + 1).chain([0]);
+    let address = |start: usize| Some(start..start + address_len(url.get(start..)?)?);
+    let Some(address) = hosts.filter_map(address).max_by_key(|address| address.start) else {
+        return Vec::from_iter(url.rfind('@').map(|at| 0..at).or_else(|| without_host(url)));
+    };
+    let path = url.get(address.end..).unwrap_or_default();
+    let in_path = path.rfind('@').filter(|&at| path.get(..at).is_some_and(|path| path.contains(':')));
+    let in_path = in_path.map(|at| address.end..address.end + at);
+    let before = (address.start > 0).then(|| 0..address.start - 1);
+    before.into_iter().chain(in_path).collect()
+}
+
+/// All of a URL whose port is no number: then it is a password.
+fn without_host(url: &str) -> Option<Range<usize>> {
+    let is_end = |c: char| matches!(c, '/' | '?' | '#') || c.is_whitespace();
+    let (_, port) = url.split(is_end).next()?.rsplit_once(':')?;
+    let port = port.trim_end_matches(|c: char| c.is_ascii_punctuation());
+    (!port.bytes().all(|byte| byte.is_ascii_digit())).then_some(0..url.len())
+}
+
+/// The length of an IP address with its port, if `url` begins with them.
+fn address_len(url: &str) -> Option<usize> {
+    let host_len = match url.strip_prefix('[') {
+        Some(rest) => {
+            let (address, _) = rest.split_once(']')?;
+            address.split('%').next()?.parse::<Ipv6Addr>().ok()?;
+            "[]".len() + address.len()
+        }
+        None => {
+            let len = url.find([':', '/', '?', '#']).unwrap_or(url.len());
+            url.get(..len)?.parse::<Ipv4Addr>().ok()?;
+            len
+        }
+    };
+    let rest = url.get(host_len..)?;
+    let after = match rest.strip_prefix(':') {
+        Some(port) => port.trim_start_matches(|c: char| c.is_ascii_digit()),
+        None => rest,
+    };
+    (after.is_empty() || after.starts_with(['/', '?', '#'])).then_some(url.len() - after.len())
+}
+
+/// `user:password@host`, perhaps after a scheme with a typing error.
+fn in_address(word: &str) -> Option<Range<usize>> {
+    let at = word.rfind('@')?;
+    let start = word.len() - word.trim_start_matches(['\'', '"']).len();
+    word.get(start..at)?.contains(':').then_some(start..at)
+}
+
+/// Where the value of the first key begins that names a password. It has no certain end: the value may have
+/// any character.
+fn start_of_value(word: &str) -> Option<usize> {
+    let keys = word.match_indices(['=', ':']).find_map(|(at, _)| {
+        let (key, value) = (last_key(word.get(..at)?), word.get(at + 1..)?);
+        (is_secret(key) || key == "p" || (is_user(key) && value.contains(':'))).then_some(at + 1)
+    });
+    // `curl -uUSER:PASSWORD`
+    keys.or_else(|| word.strip_prefix("-u").filter(|user| user.contains(':')).map(|_| "-u".len()))
+}
+
+/// The key at the end of a text.
+fn last_key(text: &str) -> &str {
+    text.rsplit(|c: char| !c.is_alphanumeric() && !matches!(c, '-' | '_' | '.')).next().unwrap_or_default()
+}
+
+/// Whether a key or a flag is one of a password.
+fn is_secret(key: &str) -> bool {
+    const PARTS: [&str; 7] =
+        ["passw", "passphrase", "secret", "token", "credential", "apikey", "authorization"];
+    const ENDS: [&str; 5] = ["pass", "pas", "pwd", "psw", "psk"];
+    let key = key.to_ascii_lowercase();
+    let last = key.rsplit(['-', '_', '.']).next().unwrap_or_default();
+    PARTS.iter().any(|part| key.contains(part))
+        || ENDS.iter().any(|end| key.ends_with(end))
+        || matches!(last, "pw" | "auth" | "key")
+}
+
+/// Whether a key and a colon may come before a password, and not only before a sentence.
+fn is_secret_before_words(text: &str) -> bool {
+    let key = last_key(text);
+    key != "key" && is_secret(key)
+}
+
+fn is_user(key: &str) -> bool {
+    let last = key.rsplit(['-', '_', '.']).next().unwrap_or_default();
+    last.eq_ignore_ascii_case("user") || last.eq_ignore_ascii_case("u")
 }
 
 #[cfg(test)]
@@ -54,5 +314,82 @@ mod tests {
         ] {
             assert_eq!(without_passwords(text), shown);
         }
+    }
+
+    #[test]
+    fn what_is_no_password_is_shown() {
+        for name in [
+            "demo",
+            "-",
+            "/dev/v4l/by-path/pci-0000:00:14.0-usb-0:1:1.0-video-index0",
+            "drive/*.jpg",
+            "shm:front",
+            "ros2:/a@7",
+            "ros2:/a@zenoh:tcp/10.0.0.1:7447",
+            "rtsp://cam.local:554/front?channel=1",
+            "rtsps://[fe80::1]:322/front",
+            "exec:rpicam-vid -n -t 0 --codec mjpeg --width 640 --height 480 -o -",
+            "exec:ffmpeg -i http://localhost:8080/a -vf scale=640:480 -f yuv4mpegpipe -",
+        ] {
+            assert_eq!(shown_name(name), name);
+            assert!(Secrets::of_name(name).is_empty());
+        }
+    }
+
+    /// Passwords of any characters, also those that a URL would have to escape.
+    #[test]
+    fn a_password_in_a_name_is_neither_shown_nor_in_the_output_of_its_program() {
+        let passwords = "12#s3cret 12?s3cret 12/s3cret x's3cret x<s3cret 12:s3cret s3cret@ %40s3cret";
+        let passwords = passwords.split(' ').chain(["x\"s3cret", "s3cret it", "it s3cret"]);
+        let url = |password: &str| format!("rtsp://admin:{password}@10.0.0.4/front");
+        let names = passwords.map(url).collect::<Vec<_>>();
+        for name in names.iter().map(String::as_str).chain([
+            "rtsp://john.doe:12/s3cret@cam.local/front",
+            "rtsp://admin:s3cret",
+            "rtsp://10.0.0.4/cam?user=admin&password=s3cret",
+            "rtsp://10.0.0.4/cam?user=admin&password=p@s3cret",
+            "rtsp://cam.local/cam?user=admin&pwd=p@s3cret",
+            "rtsp://10.0.0.4/user=admin_password=s3cret_channel=1.sdp",
+            "rtsp://10.0.0.4/11?u=admin&p=s3cret",
+            "rtsp://10.0.0.4/admin:s3cret@front",
+            "rtsp:/admin:s3cret@10.0.0.4/front",
+            "rstp://admin:s3cret@10.0.0.4/front",
+            "exec:curl -u admin:s3cret http://10.0.0.4/video",
+            "exec:curl -uadmin:s3cret http://10.0.0.4/video",
+            "exec:curl --user=admin:s3cret http://10.0.0.4/video",
+            "exec:curl --user 'admin:a s3cret' http://10.0.0.4/video",
+            "exec:curl -H 'Authorization: Basic s3cret' http://10.0.0.4/video",
+            "exec:wget --http-password s3cret -O - http://10.0.0.4/video",
+            "exec:RTSP_PASS=s3cret camera.sh",
+            "exec:gst-launch-1.0 rtspsrc location=rtsp://10.0.0.4 user-id=admin user-pw=s3cret ! fdsink",
+            "exec:ffmpeg -i 'rtsp://admin:a s3cret@10.0.0.4/a' -f mjpeg -",
+            "exec:ffmpeg -i \"rtsp://admin:x's3cret@10.0.0.4/a\" -f mjpeg -",
+        ]) {
+            let shown = shown_name(name);
+            assert!(!shown.contains("s3cret") && shown.contains(HIDDEN), "{name}: {shown}");
+            let secrets = Secrets::of_name(name);
+            for said in ["s3cret", "no host s3cret@10.0.0.4", name] {
+                let said = secrets.hide(said);
+                assert!(!said.contains("s3cret"), "{name}: {said}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_host_is_shown_if_it_is_certain() {
+        for (name, shown) in [
+            ("rtsp://admin:12#s3cret@10.0.0.4/front", "rtsp://***@10.0.0.4/front"),
+            ("rtsp://admin:s3cret it@10.0.0.4:554/front", "rtsp://***@10.0.0.4:554/front"),
+            ("rtsp://10.0.0.4/cam?user=admin&password=s3cret", "rtsp://10.0.0.4/cam?user=admin&password=***"),
+            ("exec:curl -u admin:s3cret http://10.0.0.4/a", "exec:curl -u *** http://10.0.0.4/a"),
+        ] {
+            assert_eq!(shown_name(name), shown);
+        }
+    }
+
+    #[test]
+    fn an_escaped_password_is_hidden_in_both_forms() {
+        let secrets = Secrets::of_name("rtsp://admin:%23s%25t@10.0.0.4/a");
+        assert_eq!(secrets.hide("admin, %23s%25t or #s%t"), "***, *** or ***");
     }
 }

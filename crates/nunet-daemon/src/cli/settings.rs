@@ -91,6 +91,7 @@ pub(super) fn complete(
 /// A mistake in the file: the usage of the command line would not help.
 fn in_file(mistake: BadArguments) -> clap::Error {
     let text = text_with_hint(&mistake);
+    let text = nunet_source::without_passwords(&text);
     clap::Error::raw(ErrorKind::ValueValidation, printable::lines(&text).into_owned() + "\n")
 }
 
@@ -201,6 +202,10 @@ impl RunCommand {
     fn line_of(&self, key: &str, table: &Table, camera: &CameraConfig, config: &Config) -> String {
         let SettingLayers { defaults, environment, .. } = &self.settings;
         let value = [table, environment, defaults].into_iter().find_map(|layer| layer.get(key)).cloned();
+        let shown = camera.source.name.shown();
+        if key == "source" && shown != camera.source.name.as_str() {
+            return format!("{key} = {}  # without its password\n", Value::String(shown.into_owned()));
+        }
         let has_token = config.outputs.view.as_ref().is_some_and(|view| view.token.is_some());
         match value.or_else(|| dependent_default(key, camera, config).map(Value::String)).map(as_number) {
             Some(value) => format!("{key} = {value}{}\n", self.settings.mark(table, key)),

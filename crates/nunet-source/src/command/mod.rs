@@ -2,6 +2,7 @@
 //! (`rtsp:`).
 
 mod child;
+mod guard;
 mod processes;
 
 use std::time::{Duration, Instant};
@@ -12,7 +13,7 @@ use tracing::{debug, info, warn};
 use self::child::{Ended, Ending, Running};
 use crate::error::{SourceError, SourceErrorKind};
 use crate::health::Health;
-use crate::secret::without_passwords;
+use crate::secret::{shown_name, without_passwords};
 use crate::source::Fused;
 use crate::source_type::{Properties, SizeUse, SourceType};
 use crate::{Fill, Frame, OpenOptions, Source};
@@ -85,7 +86,7 @@ impl SourceType for NetworkCamera {
     }
 
     fn open(&self, name: &str, options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError> {
-        let place = format!("network camera `{}`", without_passwords(name));
+        let place = format!("network camera `{}`", shown_name(name));
         Ok(Box::new(Fused::new(ProgramSource::new(ffmpeg(name), place, options))))
     }
 }
@@ -163,7 +164,7 @@ impl ProgramSource {
         self.last_image = Some(now);
         frame.capture.clock = Clock::Monotonic;
         frame.capture.nanos = monotonic_nanos();
-        if self.health.recovers() {
+        if self.health.recovers(frame.capture.nanos) {
             info!("{} is back", self.name);
         }
     }
@@ -204,19 +205,10 @@ impl ProgramSource {
 
     /// A lost program is tried again, unless it never gave an image and never will.
     fn lost(&mut self, why: Option<SourceError>, ended: &Ended) -> Fill {
-        let reason = match why {
-            // The program ended, and says best why.
-            Some(error)
-                if matches!(error.kind(), SourceErrorKind::NothingReadable | SourceErrorKind::CutOff) =>
-            {
-                ended.reason()
-            }
-            Some(error) if self.sequence == 0 => {
-                return Fill::Broken(error.context(format!("cannot read {}", self.name)));
-            }
-            Some(error) => format!("{error:#}"),
-            None => ended.reason(),
-        };
+        let reason = reason(why.as_ref(), ended);
+        if let Some(error) = why.filter(|error| self.sequence == 0 && !is_an_end(error)) {
+            return Fill::Broken(error.context(format!("cannot read {}", self.name)));
+        }
         if let Some(problem) = ended.never_starts()
             && self.sequence == 0
         {
@@ -234,6 +226,21 @@ impl ProgramSource {
         } else {
             debug!("{}: {reason}", self.name);
         }
+    }
+}
+
+/// Whether the images ended too early, and not with something else.
+fn is_an_end(error: &SourceError) -> bool {
+    matches!(error.kind(), SourceErrorKind::NothingReadable | SourceErrorKind::CutOff)
+}
+
+/// Why there are no more images.
+fn reason(why: Option<&SourceError>, ended: &Ended) -> String {
+    match why {
+        // The program says best why it ended, and its output what is missing.
+        Some(error) if is_an_end(error) => format!("{}; {error:#}", ended.reason()),
+        Some(error) => format!("{error:#}"),
+        None => ended.reason(),
     }
 }
 

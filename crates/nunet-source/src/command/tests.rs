@@ -110,6 +110,57 @@ fn the_reason_of_an_end_is_the_exit_code_and_the_last_line() {
     assert_eq!(reason("kill -9 $$"), "signal 9 ended it");
 }
 
+/// Raw output of another size would otherwise look as if nothing were wrong with it.
+#[test]
+fn output_that_is_too_short_is_part_of_the_reason() {
+    let reason_of = |command: &str| {
+        let arguments = ["/bin/sh", "-c", command].map(str::to_owned);
+        let options = OpenOptions {
+            size: Some(ImageSize::new(2, 2)),
+            format: Some(PixelFormat::Mono8),
+            ..OpenOptions::default()
+        };
+        let mut running = Running::start(&arguments, &options).unwrap();
+        let fills = (0..MAX_FILLS).map(|_| running.images.fill(&mut Frame::default()));
+        let end = fills.into_iter().find_map(|fill| match fill {
+            Fill::Cut(error) | Fill::Broken(error) => Some(error),
+            _ => None,
+        });
+        reason(end.as_ref(), &ended(running))
+    };
+    let short = "the program's output ended after 3 of an image's 4 bytes";
+    assert_eq!(reason_of("printf aaa"), format!("it ended with exit code 0; {short}"));
+    assert_eq!(reason_of("printf aaaabbb; exit 3"), format!("it ended with exit code 3; {short}"));
+    let none = "the program's output ended before its first image";
+    assert_eq!(reason_of("echo hello >&2"), format!("it ended with exit code 0: hello; {none}"));
+}
+
+#[test]
+fn y4m_that_is_declared_as_raw_images_is_an_error() {
+    let mut source = open("exec:printf 'YUV4MPEG2 W2 H1 F25:1 Cmono\\nFRAME\\n12'; sleep 1000");
+    let fill = next(source.as_mut(), &mut Frame::default());
+    assert!(matches!(fill, Fill::Broken(_)), "{fill:?}");
+}
+
+#[test]
+fn a_password_is_in_no_error_of_any_kind_of_source() {
+    let password = "s3cret";
+    for name in [
+        "rtsp:/admin:12#s3cret@10.0.0.4/a",
+        "http://admin:s3cret@10.0.0.4/a",
+        "http://10.0.0.4/a?pwd=s3cret",
+        "shm:admin:s3cret@10.0.0.4",
+        "ros2:admin:s3cret@10.0.0.4",
+        "/nonexistent/admin:s3cret@10.0.0.4.mcap",
+    ] {
+        let name = SourceName::parse(name);
+        let error = name.open(OpenOptions::default()).err().unwrap();
+        let hint = nunet_types::Hint::hint(&error).unwrap_or_default();
+        let shown = format!("{name:?} {} {error:#} {hint}", name.shown());
+        assert!(!shown.contains(password), "{shown}");
+    }
+}
+
 fn is_alive(pid: &str) -> bool {
     let stat = std::fs::read_to_string(Path::new("/proc").join(pid).join("stat")).unwrap_or_default();
     !stat.is_empty() && !stat.contains(") Z ")

@@ -188,7 +188,7 @@ impl<H: Host> V4l2Camera<H> {
     }
 
     fn good(&mut self) {
-        if self.health.recovers()
+        if self.health.recovers(self.host.now().monotonic_nanos)
             && let Some(stream) = &self.stream
         {
             self.log_mode(stream, " is back");
