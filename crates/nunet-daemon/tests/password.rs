@@ -94,3 +94,13 @@ fn a_password_of_any_form_is_neither_logged_nor_printed_as_configuration() {
         }
     }
 }
+
+#[test]
+fn a_source_in_the_wrong_place_is_named_without_its_password() {
+    for arguments in [&[URL][..], &["--source", "demo", URL], &["config", URL]] {
+        let output = run(nunetd(arguments));
+        let shown = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{shown}");
+        assert!(shown.contains("rtsp://***@127.0.0.1/front") && !shown.contains("s3cret"), "{shown}");
+    }
+}

@@ -3,6 +3,7 @@
 use std::ffi::OsString;
 
 use clap::{Command, CommandFactory as _};
+use nunet_source::SourceName;
 use nunet_types::join_hint;
 
 use super::Cli;
@@ -20,6 +21,8 @@ pub(super) fn insert(arguments: &mut Vec<OsString>) -> Result<(), clap::Error> {
 fn refuse_unknown_subcommand(argument: Option<&OsString>) -> Result<(), clap::Error> {
     let word = argument.map(|word| word.to_string_lossy());
     let Some(word) = word.filter(|word| !word.starts_with('-')) else { return Ok(()) };
+    let source = SourceName::parse(&word);
+    let word = source.shown();
     let mut command = Cli::command();
     let hint = if word.contains(['/', '.', ':']) {
         format!("pass a source as --source {word}")

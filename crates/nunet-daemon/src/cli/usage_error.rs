@@ -1,5 +1,6 @@
 //! Mistakes on the command line.
 
+use std::borrow::Cow;
 use std::ffi::OsString;
 use std::io::Write as _;
 use std::path::Path;
@@ -7,6 +8,7 @@ use std::path::Path;
 use clap::Command;
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
+use nunet_source::SourceName;
 use nunet_types::{printable, split_hint};
 
 use crate::config::LogOptions;
@@ -70,7 +72,13 @@ fn plain_text(error: &clap::Error, arguments: &[OsString]) -> String {
     let arguments: Vec<_> = arguments.iter().map(|argument| argument.to_string_lossy()).collect();
     let parts = arguments.iter().flat_map(|text| text.split(['=', ',']));
     let text = printable::with_parts_on_one_line(&error.render().ansi().to_string(), parts);
-    printable::lines(&StyledStr::from(text).to_string()).into_owned()
+    let text = printable::lines(&StyledStr::from(text).to_string()).into_owned();
+    // One of them may be a source in the wrong place.
+    let sources = arguments.iter().filter(|argument| !argument.starts_with('-'));
+    sources.map(|source| SourceName::parse(source)).fold(text, |text, source| match source.shown() {
+        Cow::Owned(shown) => text.replace(source.as_str(), &shown),
+        Cow::Borrowed(_) => text,
+    })
 }
 
 /// A message of clap without `error:` and the usage.
