@@ -8,6 +8,7 @@ mod processes;
 use std::time::{Duration, Instant};
 
 use nunet_ipc::{Clock, monotonic_nanos};
+use nunet_types::is_host_and_port;
 use tracing::{debug, info, warn};
 
 use self::child::{Ended, Ending, Running};
@@ -34,6 +35,8 @@ pub(crate) struct NetworkCamera;
 
 const EXEC: &str = "exec:";
 const RTSP: [&str; 2] = ["rtsp://", "rtsps://"];
+/// The port of a URL that states none.
+const RTSP_PORT: u16 = 554;
 
 const LIVE: Properties = Properties {
     exclusive: None,
@@ -81,6 +84,17 @@ impl SourceType for NetworkCamera {
         RTSP.iter().any(|scheme| name.starts_with(scheme))
     }
 
+    /// A camera that can never be reached would be waited for.
+    fn check(&self, name: &str) -> Result<(), SourceError> {
+        if has_host(name) {
+            return Ok(());
+        }
+        let shown = shown_name(name);
+        let message =
+            format!("`{shown}` has no host, or no port from 1 to 65535, expected rtsp://HOST:PORT/PATH");
+        Err(SourceError::bad_arguments(message).with_hint("without a port, rtsp://HOST/PATH means 554"))
+    }
+
     fn properties(&self) -> Properties {
         LIVE
     }
@@ -89,6 +103,29 @@ impl SourceType for NetworkCamera {
         let place = format!("network camera `{}`", shown_name(name));
         Ok(Box::new(Fused::new(ProgramSource::new(ffmpeg(name), place, options))))
     }
+}
+
+/// Whether a URL has a host and, if it states one, a port that can exist.
+///
+/// A password that is not encoded may contain `/`, `?` or `#`, where the host would end, and a path may
+/// contain `@`, so both readings of the host are tried.
+fn has_host(url: &str) -> bool {
+    let rest = url.split_once("://").map_or("", |(_, rest)| rest);
+    is_place(until_path(behind_user(rest))) || is_place(behind_user(until_path(rest)))
+}
+
+fn behind_user(text: &str) -> &str {
+    text.rsplit_once('@').map_or(text, |(_, host)| host)
+}
+
+fn until_path(text: &str) -> &str {
+    text.split(['/', '?', '#']).next().unwrap_or_default()
+}
+
+/// Whether a text is a host, with or without a port.
+fn is_place(text: &str) -> bool {
+    let has_port = text.rsplit_once(':').is_some_and(|(_, port)| !port.contains(']'));
+    if has_port { is_host_and_port(text) } else { is_host_and_port(&format!("{text}:{RTSP_PORT}")) }
 }
 
 /// Reads a network camera without a queue of old images.

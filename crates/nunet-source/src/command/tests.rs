@@ -28,6 +28,38 @@ fn next(source: &mut dyn Source, frame: &mut Frame) -> Fill {
 }
 
 #[test]
+fn a_network_camera_needs_a_host_and_a_port_that_can_exist() {
+    let check = |name: &str| SourceName::parse(name).check(&OpenOptions::default());
+    for name in [
+        "rtsp://10.0.0.4",
+        "rtsp://camera.local/front",
+        "rtsps://10.0.0.4:8554/front?channel=1",
+        "rtsp://[fe80::1]/front",
+        "rtsp://[fe80::1]:554/front",
+        "rtsp://admin:s3cret@10.0.0.4:554/front",
+        "rtsp://admin:a/b#c?d@10.0.0.4/front",
+        "rtsp://10.0.0.4/user@home/front",
+    ] {
+        check(name).unwrap();
+    }
+    for name in [
+        "rtsp://",
+        "rtsp:///front",
+        "rtsp://:554/front",
+        "rtsp://10.0.0.4:0/front",
+        "rtsp://10.0.0.4:99999/front",
+        "rtsp://10.0.0.4:front/front",
+        "rtsp://no such host/front",
+        "rtsp://[zz]/front",
+        "rtsp://admin:s3cret@/front",
+    ] {
+        let error = check(name).unwrap_err();
+        assert_eq!(error.kind(), SourceErrorKind::BadArguments, "{name}");
+        assert!(!error.to_string().contains("s3cret"), "{error}");
+    }
+}
+
+#[test]
 fn images_of_a_command_arrive_and_it_is_started_again() {
     let mut source = open("exec:printf aaaabbbb");
     let mut frame = Frame::default();
