@@ -185,7 +185,7 @@ fn a_token_in_the_environment_is_ignored_without_the_view_and_unset_if_it_is_emp
     }
     let output = config_with_token(OsStr::new(""), &["--view", "0.0.0.0:0"]);
     assert_eq!(output.status.code(), Some(2), "{}", text(&output.stderr));
-    // Whoever passes an empty token wanted one.
+    // A user who passes an empty token wants one.
     let output = config_with_token(OsStr::new("abc"), &[&loopback[..], &["--view-token", ""]].concat());
     let error = text(&output.stderr);
     assert!(output.status.code() == Some(2) && error.contains("--view-token"), "{error}");

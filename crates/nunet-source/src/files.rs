@@ -8,6 +8,7 @@ use crate::bit_depth::BitDepthCheck;
 use crate::error::{SourceError, SourceErrorKind};
 use crate::image_file::{decode, first_bytes};
 use crate::listing::{list, listed_files, would_list};
+use crate::secret::shown_name;
 use crate::source::Fused;
 use crate::source_type::{Properties, SourceType};
 use crate::{CaptureTime, Fill, Frame, OpenOptions, Source};
@@ -180,6 +181,7 @@ fn recording_in(folder: &Path) -> Option<PathBuf> {
 fn no_images(path: &Path) -> SourceError {
     let name = path.to_string_lossy();
     if name.contains("://") {
+        let name = shown_name(&name);
         let hint =
             format!("let ffmpeg read it: `exec:ffmpeg -i \"{name}\" -f yuv4mpegpipe -pix_fmt yuv420p -`");
         let message = format!("no source `{name}`: of URLs, only rtsp:// and rtsps:// are read");

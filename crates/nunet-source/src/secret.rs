@@ -1,5 +1,5 @@
 //! Passwords in names of sources and in what programs write: never part of a message. Where a password
-//! cannot be told from the rest, the rest is hidden too.
+//! cannot be separated from the rest, the rest is hidden too.
 
 use std::borrow::Cow;
 use std::net::{Ipv4Addr, Ipv6Addr};
@@ -368,9 +368,9 @@ mod tests {
             let shown = shown_name(name);
             assert!(!shown.contains("s3cret") && shown.contains(HIDDEN), "{name}: {shown}");
             let secrets = Secrets::of_name(name);
-            for said in ["s3cret", "no host s3cret@10.0.0.4", name] {
-                let said = secrets.hide(said);
-                assert!(!said.contains("s3cret"), "{name}: {said}");
+            for printed in ["s3cret", "no host s3cret@10.0.0.4", name] {
+                let shown = secrets.hide(printed);
+                assert!(!shown.contains("s3cret"), "{name}: {shown}");
             }
         }
     }

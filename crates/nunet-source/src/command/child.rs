@@ -248,7 +248,7 @@ mod tests {
     #[test]
     fn a_password_of_the_arguments_is_in_no_line_whatever_the_program_makes_of_it() {
         let url = "rtsp://admin:12#s3cret@10.0.0.4/front";
-        for said in [
+        for printed in [
             format!("cannot open {url}"),
             "no route to #s3cret@10.0.0.4".to_owned(),
             "the password s3cret is wrong\n\n".to_owned(),
@@ -256,7 +256,7 @@ mod tests {
             format!("{}s3cret", "-".repeat(MAX_LINE_BYTES - 3)),
             format!("{}s3cret", "-".repeat(MAX_LINE_BYTES + "admin:12#s3cret".len() - 3)),
         ] {
-            let kept = kept(&said, &["ffmpeg", "-i", url]);
+            let kept = kept(&printed, &["ffmpeg", "-i", url]);
             assert!(!kept.contains("s3") && kept.len() >= 3, "{kept}");
         }
         let kept = kept("user s3cret!", &["/bin/sh", "-c", "curl -u admin:s3cret http://10.0.0.4/a"]);

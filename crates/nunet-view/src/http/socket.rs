@@ -90,8 +90,8 @@ impl Client {
         Self { socket, shared, watching: None, shown: None, heard: now, pinged: now, announced: Vec::new() }
     }
 
-    /// Serves the viewer, then completes the close of either side: reading answers a client's close, and waits
-    /// for the answer to the server's.
+    /// Serves the viewer, then completes the close of either side: reading answers a client's close, and
+    /// waits for the answer to the server's.
     async fn run(mut self) -> Result<(), axum::Error> {
         self.serve().await?;
         self.watching = None;
