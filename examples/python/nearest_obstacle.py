@@ -25,10 +25,8 @@ def describe(cloud: nunet.Cloud, class_names: Sequence[str], camera: nunet.Camer
     """Find the nearest point of the cloud in the corridor that is not ground."""
     x, y, z = np.moveaxis(cloud.points, -1, 0)  # meters: right, down, forward
     row, column = np.indices(z.shape)
-    right, down = (
-        LOOK_AHEAD_M * (column - camera.cx) / camera.fx,
-        LOOK_AHEAD_M * (row - camera.cy) / camera.fy,
-    )
+    right = LOOK_AHEAD_M * (column - camera.cx) / camera.fx
+    down = LOOK_AHEAD_M * (row - camera.cy) / camera.fy
     in_corridor = (np.abs(right) < HALF_WIDTH_M) & (down > TOP_M) & (down < BOTTOM_M)
     unseen = np.count_nonzero(in_corridor & np.isnan(z))
     if unseen >= max(1, UNSEEN_PERCENT / 100 * np.count_nonzero(in_corridor)) or not in_corridor.any():

@@ -29,7 +29,8 @@ const MAX_ANGLE_RAD: f32 = std::f32::consts::TAU;
 /// ```
 /// use nunet_ipc::{AttitudePublisher, AttitudeReader, CameraName, Clock, monotonic_nanos};
 ///
-/// # nunet_ipc::use_root(&std::env::temp_dir().join("nunet-doc"))?;
+/// # let root = tempfile::tempdir()?;
+/// # nunet_ipc::use_root(root.path())?;
 /// let camera = CameraName::new(&format!("attitude-{}", std::process::id()))?;
 /// let mut publisher = AttitudePublisher::create(&camera, Clock::Monotonic)?;
 /// let (mut reader, now) = (AttitudeReader::new(&camera), monotonic_nanos());

@@ -33,7 +33,8 @@
 //! use nunet_ipc::{CameraName, Encoding, Limits, Publisher, Reader, Topic, TopicPlan, Units, Wake};
 //! use nunet_ipc::monotonic_nanos;
 //!
-//! # nunet_ipc::use_root(&std::env::temp_dir().join("nunet-doc"))?;
+//! # let root = tempfile::tempdir()?;
+//! # nunet_ipc::use_root(root.path())?;
 //! let camera = CameraName::new(&format!("example-{}", std::process::id()))?;
 //! let plan = TopicPlan { topic: Topic::Depth, payload_bytes: 4 * 3 * size_of::<f32>() };
 //! let publisher = Publisher::create(&camera, &[plan], &Limits::default())?;
