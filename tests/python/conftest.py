@@ -6,6 +6,7 @@ import json
 import os
 import pathlib
 import subprocess
+import tempfile
 
 import pytest
 
@@ -13,6 +14,9 @@ import pytest
 # 0.
 if os.environ.get("ORT_DISABLE_TELEMETRY") != "0":
     os.environ["ORT_DISABLE_TELEMETRY"] = "1"
+
+# `/tmp/iceoryx2` may belong to another user, who then alone can use it.
+os.environ.setdefault("NUNET_IPC_ROOT", f"{tempfile.gettempdir()}/nunet-{os.getuid()}")
 
 COUNTER = itertools.count()
 MODEL = pathlib.Path(__file__).parents[2] / "models" / "tiny" / "tiny_wnet_c.onnx"

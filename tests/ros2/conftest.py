@@ -11,6 +11,7 @@ import signal
 import socket
 import struct
 import subprocess
+import tempfile
 import time
 import urllib.request
 from collections.abc import Callable, Iterator
@@ -36,11 +37,15 @@ def enter_own_network() -> None:
         fcntl.ioctl(any_socket, SIOCSIFFLAGS, struct.pack("16sh14x", b"lo", IFF_UP))
 
 
+# Before the namespace, in which every user is another one.
+USER = os.getuid()
 # Before ROS 2 is imported, because threads that it starts would stay in the old namespace.
 enter_own_network()
 os.environ["RMW_IMPLEMENTATION"] = "rmw_fastrtps_cpp"
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ORT_DISABLE_TELEMETRY"] = "1"
+# `/tmp/iceoryx2` may belong to another user, who then alone can use it.
+os.environ.setdefault("NUNET_IPC_ROOT", f"{tempfile.gettempdir()}/nunet-{USER}")
 os.environ["CYCLONEDDS_URI"] = (
     "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name='lo'/></Interfaces>"
     "<AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex>"
