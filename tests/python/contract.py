@@ -5,6 +5,7 @@ the `iceoryx2` package of PyPI.
 """
 
 import ctypes
+import os
 import time
 
 import iceoryx2 as iox2
@@ -17,6 +18,19 @@ NUMBERS = {
     "f32": ctypes.c_float,
     "f64": ctypes.c_double,
 }
+
+
+def new_node():
+    """A node where nunet's are: in `NUNET_IPC_ROOT`, whose FNV-1a hash is in the names in `/dev/shm`."""
+    iox2.set_log_level(iox2.LogLevel.Fatal)
+    config = iox2.config.default()
+    if root := os.environ.get("NUNET_IPC_ROOT"):
+        number = 0x811C9DC5
+        for byte in os.fsencode(root):
+            number = (number ^ byte) * 0x01000193 % 2**32
+        config.global_cfg.root_path = iox2.Path.new(root)
+        config.global_cfg.prefix = iox2.FileName.new(f"iox2_{number:08x}_")
+    return iox2.NodeBuilder.new().config(config).create(iox2.ServiceType.Ipc)
 
 
 def structure(layout):
@@ -57,11 +71,10 @@ class Reader:
     """Reads one topic of a camera."""
 
     def __init__(self, contract, camera, topic, timeout=10.0):
-        iox2.set_log_level(iox2.LogLevel.Fatal)
         self.contract = contract
         self.header_type = structure(contract["header"])
         self.block_type = block(contract["block"])
-        self.node = iox2.NodeBuilder.new().create(iox2.ServiceType.Ipc)
+        self.node = new_node()
         name = f"nunet/{camera}/{topic}"
         assert name.replace(f"/{camera}/", "/CAMERA/") in contract["services"]
         self.service = retry(lambda: self._open(name), timeout)

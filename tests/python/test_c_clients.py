@@ -10,7 +10,7 @@ import subprocess
 import iceoryx2 as iox2
 import pytest
 from conftest import MODEL, running
-from contract import Reader
+from contract import Reader, new_node
 
 ROOT = pathlib.Path(__file__).parents[2]
 INCLUDE = ROOT / "crates" / "nunet-c" / "include"
@@ -202,7 +202,7 @@ def test_a_reader_and_its_frame_survive_the_daemon(build, nunetd):
 
 def test_another_contract_is_refused_by_name(build):
     name = unused_name()
-    node = iox2.NodeBuilder.new().create(iox2.ServiceType.Ipc)
+    node = new_node()
     attributes = iox2.AttributeSpecifier.new().define(
         iox2.AttributeKey.new("nunet.contract"), iox2.AttributeValue.new("2")
     )

@@ -213,8 +213,8 @@ def test_another_version_of_the_contract_is_refused_by_name():
     code = """
 import ctypes, sys
 import iceoryx2 as iox2
-iox2.set_log_level(iox2.LogLevel.Fatal)
-node = iox2.NodeBuilder.new().create(iox2.ServiceType.Ipc)
+from contract import new_node
+node = new_node()
 key, two = iox2.AttributeKey.new("nunet.contract"), iox2.AttributeValue.new("2")
 name = iox2.ServiceName.new(f"nunet/{sys.argv[1]}/depth")
 builder = node.service_builder(name).publish_subscribe(iox2.Slice[ctypes.c_uint8])
@@ -223,7 +223,7 @@ print("there", flush=True)
 sys.stdin.read()
 """
     name = unique_name()
-    later = start_python(code, name)
+    later = start_python(code, name, cwd=CLIENTS)
     assert later.stdout.readline() == "there\n"
     with pytest.raises(nunet.ContractVersionError, match="version `2`") as error:
         nunet.subscribe(name, timeout=0.1)

@@ -133,10 +133,9 @@ def test_a_subscriber_that_holds_too_many_frames_gets_an_error_and_affects_no_ot
 SENDER = """
 import ctypes, json, sys, time
 import iceoryx2 as iox2
-from contract import block, structure
+from contract import block, new_node, structure
 contract, name, header_says = json.loads(sys.argv[1]), sys.argv[2], json.loads(sys.argv[3])
-iox2.set_log_level(iox2.LogLevel.Fatal)
-node = iox2.NodeBuilder.new().create(iox2.ServiceType.Ipc)
+node = new_node()
 key, one = iox2.AttributeKey.new("nunet.contract"), iox2.AttributeValue.new("1")
 version = iox2.AttributeSpecifier.new().define(key, one)
 service = lambda topic: node.service_builder(iox2.ServiceName.new(f"nunet/{name}/{topic}"))
