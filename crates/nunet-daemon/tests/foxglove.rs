@@ -3,37 +3,14 @@
 use std::net::TcpListener;
 use std::time::Duration;
 
-use futures_util::{SinkExt as _, StreamExt as _};
+use futures_util::StreamExt as _;
 use nunet_ipc::{CameraName, Reader, Topic};
 use nunet_mcap::{RecordedImage, TopicDecoder};
-use serde_json::{Value, json};
-use tokio_tungstenite::WebSocketStream;
+use serde_json::Value;
 use tokio_tungstenite::tungstenite::Message;
-use tokio_tungstenite::tungstenite::client::IntoClientRequest as _;
 
+use crate::foxglove_subscription::subscribe;
 use crate::support::{Bench, Guarded, TIMEOUT, camera, nunetd, run, text, wait_for};
-
-type Socket = WebSocketStream<tokio::net::TcpStream>;
-
-/// Connects, and subscribes to a topic.
-async fn subscribe(port: u16, topic: &str) -> Socket {
-    let address = format!("127.0.0.1:{port}");
-    let stream = tokio::net::TcpStream::connect(&address).await.unwrap();
-    let mut request = format!("ws://{address}/").into_client_request().unwrap();
-    request.headers_mut().insert("sec-websocket-protocol", "foxglove.sdk.v1".parse().unwrap());
-    let mut socket = tokio_tungstenite::client_async(request, stream).await.unwrap().0;
-    loop {
-        let Message::Text(text) = socket.next().await.unwrap().unwrap() else { continue };
-        let report: Value = serde_json::from_str(&text).unwrap();
-        let channels = report["channels"].as_array().into_iter().flatten();
-        if let Some(channel) = channels.into_iter().find(|channel| channel["topic"] == topic) {
-            let subscription =
-                json!({"op": "subscribe", "subscriptions": [{"id": 1, "channelId": channel["id"]}]});
-            socket.send(Message::text(subscription.to_string())).await.unwrap();
-            return socket;
-        }
-    }
-}
 
 #[test]
 fn depth_in_foxglove_is_that_of_shared_memory() {
@@ -51,7 +28,9 @@ fn depth_in_foxglove_is_that_of_shared_memory() {
     let decoder = TopicDecoder::new(&topic, "sensor_msgs/msg/Image").unwrap();
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     let mut socket = runtime.block_on(async {
-        tokio::time::timeout(TIMEOUT, subscribe(port, &topic)).await.expect("it takes too long")
+        tokio::time::timeout(TIMEOUT, subscribe(([127, 0, 0, 1], port).into(), &topic))
+            .await
+            .expect("it takes too long")
     });
     let (mut published, mut compared) = (Vec::new(), 0);
     while compared < 5 {

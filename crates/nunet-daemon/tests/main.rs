@@ -14,6 +14,8 @@ mod eval;
 mod filters;
 #[cfg(feature = "foxglove")]
 mod foxglove;
+#[cfg(feature = "foxglove")]
+mod foxglove_subscription;
 mod hostile;
 mod infer;
 mod lens;

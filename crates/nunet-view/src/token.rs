@@ -37,7 +37,7 @@ impl Token {
     /// As [`Self::new`].
     pub fn of_variable(name: &str) -> Result<Option<Self>, ViewError> {
         let text = std::env::var_os(name).filter(|text| !text.is_empty());
-        // What is not Unicode becomes a character that is not allowed.
+        // Bytes that are not Unicode become a character that is not allowed.
         text.map(|text| Self::new(text.to_string_lossy())).transpose()
     }
 

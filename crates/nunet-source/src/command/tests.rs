@@ -17,6 +17,17 @@ fn open(name: &str) -> Box<dyn Source> {
     SourceName::parse(name).open(options).unwrap()
 }
 
+/// A shell command that writes raw images of 2x2 gray pixels.
+fn gray_images(command: &str) -> Running {
+    let arguments = ["/bin/sh", "-c", command].map(str::to_owned);
+    let options = OpenOptions {
+        size: Some(ImageSize::new(2, 2)),
+        format: Some(PixelFormat::Mono8),
+        ..OpenOptions::default()
+    };
+    Running::start(&arguments, &options).unwrap()
+}
+
 fn ended(running: Running) -> Ended {
     running.end().wait(Duration::from_secs(60)).ok().expect("it ends")
 }
@@ -146,13 +157,7 @@ fn the_reason_of_an_end_is_the_exit_code_and_the_last_line() {
 #[test]
 fn output_that_is_too_short_is_part_of_the_reason() {
     let reason_of = |command: &str| {
-        let arguments = ["/bin/sh", "-c", command].map(str::to_owned);
-        let options = OpenOptions {
-            size: Some(ImageSize::new(2, 2)),
-            format: Some(PixelFormat::Mono8),
-            ..OpenOptions::default()
-        };
-        let mut running = Running::start(&arguments, &options).unwrap();
+        let mut running = gray_images(command);
         let fills = (0..MAX_FILLS).map(|_| running.images.fill(&mut Frame::default()));
         let end = fills.into_iter().find_map(|fill| match fill {
             Fill::Cut(error) | Fill::Broken(error) => Some(error),
@@ -255,13 +260,7 @@ fn addresses_and_times_in_a_message_are_no_other_reason() {
 #[test]
 fn the_end_of_a_program_that_ignores_signals_is_not_waited_for_at_once() {
     let command = "trap '' TERM; echo ready >&2; printf aaaa; while true; do sleep 1000; done";
-    let arguments = ["/bin/sh", "-c", command].map(str::to_owned);
-    let options = OpenOptions {
-        size: Some(ImageSize::new(2, 2)),
-        format: Some(PixelFormat::Mono8),
-        ..OpenOptions::default()
-    };
-    let mut running = Running::start(&arguments, &options).unwrap();
+    let mut running = gray_images(command);
     let mut fills = (0..MAX_FILLS).map(|_| running.images.fill(&mut Frame::default()));
     assert!(fills.any(|fill| matches!(fill, Fill::Frame)));
     let Err(ending) = running.end().wait(Duration::ZERO) else { panic!("it was waited for") };
