@@ -134,7 +134,10 @@ def test_tasks_and_kept_sigmoids_are_the_caller_s():
             {"tasks": ("depth",)},
             "`depth` do not fit `wnet` of 2 components",
         ),
-        ({"tasks": ("color", "depth")}, "of segmentation or depth, one per component"),
+        (
+            {"tasks": ("color", "depth")},
+            "of segmentation, normals, objectness or depth, one per component",
+        ),
         ({"tasks": ("depth", "segmentation")}, "must be of task `depth`"),
         ({"sigmoid_joints": ["depth"]}, "no component `depth` whose numbers another one reads"),
     ],

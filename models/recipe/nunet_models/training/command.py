@@ -20,6 +20,7 @@ from nunet_models.data.pairs import read_ids
 from nunet_models.data.sets.mixture import open_dataset_list
 from nunet_models.errors import ConfigError, OptionError, with_hint
 from nunet_models.files import check_output_folder
+from nunet_models.tasks.inner import truth_of
 from nunet_models.training.feed import FolderFeed, SetsFeed
 from nunet_models.training.graph import add_graph_options, build_graph, require_shape
 from nunet_models.training.provenance import run_provenance
@@ -172,12 +173,12 @@ def _show(options: argparse.Namespace) -> Cached | None:
 
 
 def _check_labels(options: argparse.Namespace, spec: GraphSpec) -> None:
-    """Refuse to train segmentation on data that can have no labels, before it is decoded."""
+    """Refuse to train on labels that the data cannot have, before it is decoded."""
     if options.component == CONFIDENCE:
         return
     component = spec.component(options.component)
     without = options.data.suffix == MAT_SUFFIX and options.class_map is None
-    if component.task == "segmentation" and without:
+    if truth_of(component.task) == "labels" and without:
         raise ConfigError(
             f"`{options.data}` has no labels of its own to train `{component.name}` on: "
             f"{MAT_LABELS}",

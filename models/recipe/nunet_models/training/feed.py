@@ -14,9 +14,11 @@ from nunet_models.data.sequences import sequence_batches, window_starts
 from nunet_models.data.sets.draw import Shapes
 from nunet_models.data.sets.mixture import Mixture, mixed_batches
 from nunet_models.errors import OptionError
+from nunet_models.tasks.inner import INNER_TASKS
 from nunet_models.training.provenance import folder_provenance, sets_provenance
 from nunet_models.training.settings import AUGMENTATIONS, VIEWS, Settings
 from nunet_models.training.validate import predictions, validate
+from nunet_models.training.validate_inner import validate_inner, whole_images, whole_views
 from nunet_models.training.validate_sets import validate_sets
 from nunet_models.zoo import SerialGraph
 from nunet_models.zoo.confidence import CONFIDENCE
@@ -107,6 +109,10 @@ class FolderFeed:
 
     def validate(self, graph: SerialGraph, component: int, settings: Settings) -> dict[str, float]:
         """Metrics of the graph."""
+        if graph.spec.components[component].task in INNER_TASKS:
+            load = {"batch": VALIDATION_BATCH, "workers": settings.workers}
+            images = whole_images(self.val, graph.spec, **load)
+            return validate_inner(graph, images, component=component, bf16=settings.bf16)
         how = _how(component, settings)
         return validate(graph, self.val, batch=VALIDATION_BATCH, **how)
 
@@ -164,7 +170,10 @@ class SetsFeed:
 
     def validate(self, graph: SerialGraph, component: int, settings: Settings) -> dict[str, float]:
         """Metrics of the graph, mean over sets and of each set."""
-        return validate_sets(graph, self.val, component=component, bf16=settings.bf16)
+        how = {"component": component, "bf16": settings.bf16}
+        if graph.spec.components[component].task in INNER_TASKS:
+            return validate_inner(graph, whole_views(self.val, graph.spec), **how)
+        return validate_sets(graph, self.val, **how)
 
     def shown(self, graph: SerialGraph, component: int, settings: Settings) -> np.ndarray:
         """The prediction for the image of `show`, or the first one of validation."""

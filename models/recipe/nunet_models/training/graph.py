@@ -4,6 +4,7 @@ import argparse
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 from nunet_models.data.cache import Cached
 from nunet_models.errors import ConfigError, OptionError, with_hint
@@ -14,7 +15,7 @@ from nunet_models.zoo.backbones import check_drop_path
 from nunet_models.zoo.checkpoint import Checkpoint
 from nunet_models.zoo.confidence import CONFIDENCE
 from nunet_models.zoo.dense import DENSE
-from nunet_models.zoo.spec import DECODERS, Camera, decoder_channels, decoder_name
+from nunet_models.zoo.spec import DECODERS, Camera, Task, decoder_channels, decoder_name
 from nunet_models.zoo.weights import begin_with, imagenet_encoder, like_component
 
 
@@ -31,8 +32,8 @@ def add_graph_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--tasks",
         metavar="TASK,TASK...",
-        help="one per component, `segmentation` or `depth`, instead of the architecture's own; a "
-        "component whose task changes is called by task and place, such as `depth1`",
+        help=f"one per component, of {', '.join(get_args(Task))}, instead of the architecture's "
+        "own; a component whose task changes is called by task and place, such as `normals2`",
     )
     group.add_argument(
         "--sigmoid-joint",

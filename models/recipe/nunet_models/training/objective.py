@@ -10,6 +10,7 @@ from nunet_models.classes import IGNORE
 from nunet_models.data.batches import Batch
 from nunet_models.data.encode import encoded_depth
 from nunet_models.losses import cross_entropy, expected_error, parse_loss, weighted_depth_loss
+from nunet_models.tasks.inner import INNER_TASKS, truth_of
 from nunet_models.training.feed import Feed
 from nunet_models.training.settings import Settings
 from nunet_models.zoo import SerialGraph
@@ -49,7 +50,8 @@ class ComponentObjective:
         self.graph, self.settings = graph, settings
         self.index = list(graph.components).index(graph.component(settings.component))
         self.segments = graph.spec.components[self.index].task == "segmentation"
-        self.needs = "labels" if self.segments else "depth"
+        self.inner = INNER_TASKS.get(graph.spec.components[self.index].task)
+        self.needs = truth_of(graph.spec.components[self.index].task)
         first = 0 if settings.unfrozen else self.index
         self.frozen: list[nn.Module] = list(graph.components[:first])
         self.trained: list[nn.Module] = list(graph.components[first : self.index + 1])
@@ -62,7 +64,7 @@ class ComponentObjective:
             self.class_weights = _class_weights(feed, self.graph, self.settings)
 
     def loss(self, batch: Batch, frozen: list, trained: list) -> torch.Tensor:
-        """Cross-entropy of labels, or the loss of depth that the settings name."""
+        """Cross-entropy of labels, the loss of depth that the settings name, or an inner task's."""
         image = normalize(batch.rgb).contiguous(memory_format=torch.channels_last)
         with torch.autocast("cpu", torch.bfloat16, enabled=self.settings.bf16):
             outputs: list[torch.Tensor] = []
@@ -76,17 +78,24 @@ class ComponentObjective:
         if self.segments:
             return self._label_loss(outputs[-1], batch)
         spec = self.graph.spec
-        loss = weighted_depth_loss(
-            outputs[-1],
-            encoded_depth(batch.depth_m, spec.encoding),
-            weights=self.loss_weights,
-            log_network=spec.encoding == "metric",
-        )
+        loss = self._own_loss(outputs[-1], batch)
         if self.settings.label_loss:
             for component, logits in zip(spec.components, outputs[:-1], strict=False):
                 if component.task == "segmentation":
                     loss = loss + self.settings.label_loss * self._label_loss(logits, batch)
         return loss
+
+    def _own_loss(self, raw: torch.Tensor, batch: Batch) -> torch.Tensor:
+        """That of depth, or of the component's inner task."""
+        spec = self.graph.spec
+        if self.inner is not None:
+            return self.inner.loss(raw, batch, spec)
+        return weighted_depth_loss(
+            raw,
+            encoded_depth(batch.depth_m, spec.encoding),
+            weights=self.loss_weights,
+            log_network=spec.encoding == "metric",
+        )
 
     def _raw(self, module: nn.Module, x: torch.Tensor) -> torch.Tensor:
         """Raw numbers of a component; with `frames` above 1, a recurrent one carries its state."""
@@ -107,7 +116,9 @@ class ComponentObjective:
         return features * (scale * kept).to(features.dtype)
 
     def score(self, metrics: dict[str, float]) -> float:
-        """MIoU of labels; negative RMSE of depth, or AbsRel of several sets."""
+        """MIoU of labels; negative RMSE of depth, or AbsRel of sets; an inner task's own."""
+        if self.inner is not None:
+            return self.inner.score(metrics)
         if "miou" in metrics:
             return metrics["miou"]
         return -metrics["rmse"] if "mse" in metrics else -metrics["abs_rel"]

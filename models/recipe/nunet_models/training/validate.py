@@ -14,8 +14,10 @@ from nunet_models.errors import ConfigError
 from nunet_models.evaluation.compare import Comparison
 from nunet_models.evaluation.protocol import EIGEN, FULL
 from nunet_models.metrics import LabelMetrics
+from nunet_models.tasks.inner import INNER_TASKS
 from nunet_models.zoo import GraphSpec, SerialGraph
 from nunet_models.zoo.deploy import confidence_bytes, decode_depth, normalize
+from nunet_models.zoo.spec import Task
 
 
 def validate(
@@ -57,15 +59,15 @@ def predictions(
 ) -> Iterator[tuple[np.ndarray, np.ndarray | None]]:
     """The prediction of component `component` for each image in order, `[H, W]` at its own size.
 
-    Labels uint8, or depth float32 in the graph's encoding, as the model file gives them; then the
-    confidence uint8, None for other components than the last and for a graph without one. A
-    recurrent component carries its state from frame to frame of a video.
+    Labels uint8, or depth float32 in the graph's encoding, as the model file gives them, or what an
+    inner task shows; then the confidence uint8, None for other components than the last and for a
+    graph without one. A recurrent component carries its state from frame to frame of a video.
     """
     spec = graph.spec
     if spec.components[component].memory:
         batch = 1
     size = tuple(data.depth.shape[1:])
-    segments = spec.components[component].task == "segmentation"
+    task = spec.components[component].task
     certain = graph.confidence is not None and component == len(graph.components) - 1
     batches = epoch_batches(
         data,
@@ -82,7 +84,7 @@ def predictions(
         image = normalize(samples.rgb).contiguous(memory_format=torch.channels_last)
         with torch.no_grad(), torch.autocast("cpu", torch.bfloat16, enabled=bf16):
             raw, log_error = stream(image)
-        images = _at_size(raw.float(), spec, size, segments=segments)
+        images = _at_size(raw.float(), spec, size, task=task)
         if not certain:
             yield from ((image, None) for image in images)
         else:
@@ -125,10 +127,11 @@ def run_components(
 
 
 def _at_size(
-    raw: torch.Tensor, spec: GraphSpec, size: tuple[int, int], *, segments: bool
+    raw: torch.Tensor, spec: GraphSpec, size: tuple[int, int], *, task: Task
 ) -> np.ndarray:
-    """Raw inner numbers as the model file gives them at the images' size, `[B, H, W]`."""
-    if segments:
+    """Raw inner numbers as `predictions` gives them at the images' size, `[B, H, W]`."""
+    if task == "segmentation":
         found = raw.argmax(1, keepdim=True).to(torch.uint8)
         return F.interpolate(found, size=size, mode="nearest")[:, 0].numpy()
-    return F.interpolate(decode_depth(raw, spec), size=size, mode="bilinear")[:, 0].numpy()
+    found = INNER_TASKS[task].shown(raw) if task in INNER_TASKS else decode_depth(raw, spec)
+    return F.interpolate(found, size=size, mode="bilinear")[:, 0].numpy()

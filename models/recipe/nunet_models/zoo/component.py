@@ -19,7 +19,7 @@ State = tuple[torch.Tensor, ...]
 class Component(nn.Module):
     """`[B, in, h, w]` to raw numbers `[B, out, h, w]`.
 
-    Raw numbers are logits (segmentation) or the head's linear output (depth).
+    Raw numbers are logits (segmentation, objectness) or the head's linear output (depth, normals).
     """
 
     def __init__(

@@ -106,10 +106,11 @@ def _with_tasks(
     architecture: str, components: tuple[ComponentSpec, ...], tasks: Sequence[str]
 ) -> tuple[ComponentSpec, ...]:
     if len(tasks) != len(components) or not set(tasks) <= set(get_args(Task)):
+        *names, last = get_args(Task)
         raise ConfigError(
             f"tasks `{','.join(tasks)}` do not fit `{architecture}` of {len(components)} "
             f"components",
-            hint=f"a comma-separated list of {' or '.join(get_args(Task))}, one per component",
+            hint=f"a comma-separated list of {', '.join(names)} or {last}, one per component",
         )
     return tuple(
         c if c.task == task else c.changed(task=task, name=f"{task}{place}")

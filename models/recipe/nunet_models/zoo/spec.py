@@ -8,9 +8,12 @@ from nunet_models.classes import CLASSES_13
 from nunet_models.errors import ConfigError, OptionError
 from nunet_models.zoo.dense import DENSE
 
-Task = Literal["segmentation", "depth"]
+Task = Literal["segmentation", "normals", "objectness", "depth"]
 Encoding = Literal["metric", "minmax"]
 Recurrence = Literal["lstm", "gru"]
+
+_CHANNELS = {"normals": 3, "objectness": 2, "depth": 1}
+"""Of a task's raw numbers; a segmentation has one per class."""
 
 PAPER_DECODER = (256, 128, 64, 32, 16)
 """Filters of the paper's decoder, deepest first."""
@@ -176,8 +179,8 @@ class GraphSpec:
         raise ConfigError(f"no component `{name}` in `{self.architecture}`", hint=f"{names}")
 
     def outputs_of(self, component: ComponentSpec) -> int:
-        """Output channels of a component: one logit per class, or one depth value."""
-        return len(self.classes) if component.task == "segmentation" else 1
+        """Output channels of a component: one logit per class, or as many as its task has."""
+        return len(self.classes) if component.task == "segmentation" else _CHANNELS[component.task]
 
     def with_sizes(self, *, input_size: tuple[int, int], inner_size: tuple[int, int]) -> Self:
         """The same graph at other sizes: weights of a fully convolutional graph still fit."""

@@ -1,0 +1,1 @@
+"""What components before the last one may predict besides labels and depth."""
