@@ -87,6 +87,30 @@ def test_the_same_command_continues_where_it_was_interrupted(experiment, tmp_pat
     assert "was started with `--lr 0.001`, given `--lr 0.0001`" in capsys.readouterr().err
 
 
+SERIES = "--architecture nunet3_c --tasks segmentation,objectness,depth"
+IN_SERIES = f"""
+[pretrained]
+seg = "--architecture wnet_c --component segmentation"
+middle = "{SERIES} --component objectness2 --plug segmentation={{seg}}"
+[networks]
+wnet_c = "--architecture wnet_c --plug segmentation={{seg}}"
+boxes = "{SERIES} --plug segmentation={{seg}} --plug objectness2={{middle}}"
+"""
+
+
+def test_a_pretrained_network_starts_from_one_above_it(experiment, tmp_path, capsys):
+    assert experiment(IN_SERIES) == 0
+    assert "| boxes-0.onnx |" in capsys.readouterr().out
+    out = tmp_path / "out"
+    seg, middle, boxes = (
+        Checkpoint.load(out / n / "best.pt") for n in ("seg", "middle", "boxes-0")
+    )
+    for name, of in (("segmentation", seg), ("objectness2", middle)):
+        mine, its = (found.component_weights(name) for found in (boxes, of))
+        assert all(mine[key].equal(its[key]) for key in its), name
+    assert read_metadata(out / "boxes-0.onnx")["nunet.trained"] == "true"
+
+
 def test_a_network_that_fails_does_not_stop_the_others(experiment, tmp_path, capsys):
     plan = '[networks]\na = "--plug segmentation=absent.pt"\nb = "--architecture unet"\n'
     assert experiment(plan) == 1
@@ -125,6 +149,9 @@ def test_options_are_checked_before_the_first_network_is_trained(
         ('seeds = [true]\n[networks]\na = ""', r"`seeds` is \[True\]"),
         ('seed = 1\n[networks]\na = ""', "unknown key `seed`; expected one of common, networks"),
         ('[networks]\na = "--plug {seg}"', "`a` uses `{seg}`, which is not pretrained"),
+        ('[pretrained]\na = "{b}"\nb = ""\n[networks]\nc = ""', "`a` uses `{b}`, which is not"),
+        ('[pretrained]\na = "{a}"\n[networks]\nc = ""', "`a` uses `{a}`, which is not pretrained"),
+        ('[pretrained]\na = "{z}"\n[networks]\nc = ""', "`a` uses `{z}`, which is not pretrained"),
         ('[pretrained]\na = ""\n[networks]\na = ""', "`a` is in `\\[pretrained\\]` and in"),
         ("[networks", "is not a TOML file"),
     ],
@@ -135,7 +162,7 @@ def test_a_plan_that_cannot_be_is_an_error_with_its_file(text, message, tmp_path
     assert "plan.toml" in str(raised.value)
 
 
-@pytest.mark.parametrize("name", ["losses", "recurrent", "size"])
+@pytest.mark.parametrize("name", ["losses", "nunets", "recurrent", "size"])
 def test_the_options_of_a_shipped_plan_are_those_of_train(name, tmp_path):
     plan = read_plan(LISTS / f"{name}.toml")
     for network, options in {**plan.pretrained, **plan.networks}.items():

@@ -20,9 +20,10 @@ class Plan:
     """What an experiment trains.
 
     `common` are options of `train` for every run; those of a run come after them and win.
-    `pretrained` are trained once and not measured: a network starts from one by `{NAME}` in its
-    options, which becomes the path of its checkpoint. Each of `networks` is trained with every
-    seed and measured. The first one is what the others are compared with.
+    `pretrained` are trained once, in their order, and not measured: a network, or a later one of
+    them, starts from one by `{NAME}` in its options, which becomes the path of its checkpoint. Each
+    of `networks` is trained with every seed and measured. The first one is what the others are
+    compared with.
     """
 
     common: tuple[str, ...]
@@ -85,9 +86,21 @@ def _options(path: Path, name: str, value: object) -> tuple[str, ...]:
 
 
 def _check_references(path: Path, plan: Plan) -> None:
+    """Refuse networks that start from one that is not trained before them."""
+    before: set[str] = set()
+    for name, options in plan.pretrained.items():
+        _check_used(path, name, options, before)
+        before.add(name)
     for name, options in plan.networks.items():
-        if name in plan.pretrained:
+        if name in before:
             raise DataError(f"`{path}`: `{name}` is in `[pretrained]` and in `[networks]`")
-        for used in _PLACEHOLDER.findall(" ".join(options)):
-            if used not in plan.pretrained:
-                raise DataError(f"`{path}`: `{name}` uses `{{{used}}}`, which is not pretrained")
+        _check_used(path, name, options, before)
+
+
+def _check_used(path: Path, name: str, options: tuple[str, ...], before: set[str]) -> None:
+    for used in _PLACEHOLDER.findall(" ".join(options)):
+        if used not in before:
+            raise DataError(
+                f"`{path}`: `{name}` uses `{{{used}}}`, which is not pretrained before it",
+                hint="a network can use those of `[pretrained]`, and one of these those above it",
+            )
