@@ -66,7 +66,7 @@ pub struct ModelDescription {
 pub struct Component {
     /// Its name.
     pub name: String,
-    /// `segmentation` or `depth`.
+    /// `segmentation`, `normals`, `objectness` or `depth`; informative.
     pub task: String,
     /// The encoder.
     pub backbone: String,
