@@ -162,7 +162,7 @@ def test_a_plan_that_cannot_be_is_an_error_with_its_file(text, message, tmp_path
     assert "plan.toml" in str(raised.value)
 
 
-@pytest.mark.parametrize("name", ["losses", "nunets", "recurrent", "size"])
+@pytest.mark.parametrize("name", ["autoencoder", "losses", "nunets", "recurrent", "size"])
 def test_the_options_of_a_shipped_plan_are_those_of_train(name, tmp_path):
     plan = read_plan(LISTS / f"{name}.toml")
     for network, options in {**plan.pretrained, **plan.networks}.items():

@@ -20,7 +20,9 @@ def parameters(module):
     return sum(p.numel() for p in module.parameters())
 
 
-@pytest.mark.parametrize("architecture", [*TINY_ARCHITECTURES, "rcnn1", "wnet_c_gru"])
+@pytest.mark.parametrize(
+    "architecture", [*TINY_ARCHITECTURES, "rcnn1", "wnet_c_gru", "wnet_c_auto"]
+)
 def test_every_architecture_gives_raw_numbers_of_its_size(architecture):
     spec = tiny_spec(architecture)
     outputs = SerialGraph(spec).eval()(torch.zeros(2, 3, *spec.inner_size))

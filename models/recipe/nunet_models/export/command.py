@@ -15,7 +15,7 @@ from nunet_models.export.split import split
 from nunet_models.export.untrained import untrained_graph
 from nunet_models.files import check_output_file
 from nunet_models.results import by_name
-from nunet_models.zoo import NYU_CAMERA, SerialGraph, architecture_names, graph_spec
+from nunet_models.zoo import NYU_CAMERA, GraphSpec, SerialGraph, architecture_names, graph_spec
 from nunet_models.zoo.checkpoint import Checkpoint
 
 
@@ -133,6 +133,7 @@ def _export_one(options: argparse.Namespace) -> Path:
 
 def _untrained(options: argparse.Namespace) -> tuple[SerialGraph, Provenance]:
     spec = graph_spec(options.untrained, backbone=options.backbone)
+    _require_image(spec)
     return untrained_graph(spec, seed=options.seed), Provenance(license_text=options.license)
 
 
@@ -145,6 +146,7 @@ def _checkpoint(options: argparse.Namespace) -> Checkpoint:
 
 def _trained(options: argparse.Namespace) -> tuple[SerialGraph, Provenance]:
     checkpoint = _checkpoint(options)
+    _require_image(checkpoint.spec)
     _require_trained(checkpoint, options.checkpoint, random=options.random)
     if checkpoint.spec.camera != NYU_CAMERA and not options.license:
         raise ConfigError(
@@ -176,6 +178,14 @@ def _trained(options: argparse.Namespace) -> tuple[SerialGraph, Provenance]:
         accuracy=accuracy,
         license_text=options.license or DATA_LICENSE,
     )
+
+
+def _require_image(spec: GraphSpec) -> None:
+    if spec.reads_depth:
+        raise ConfigError(
+            f"`{spec.architecture}` reads depth, and a model file reads an image",
+            hint="`train --architecture wnet_c_auto --plug-decoder CHECKPOINT` uses its decoder",
+        )
 
 
 def _require_trained(checkpoint: Checkpoint, path: Path, *, random: Sequence[str]) -> None:

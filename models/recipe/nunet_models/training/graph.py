@@ -8,6 +8,11 @@ from typing import get_args
 
 from nunet_models.data.cache import Cached
 from nunet_models.errors import ConfigError, OptionError, with_hint
+from nunet_models.training.autoencoder import (
+    add_decoder_options,
+    check_autoencoder_options,
+    plug_decoder,
+)
 from nunet_models.training.same_run import difference, graph_options
 from nunet_models.training.trainer import Trainer
 from nunet_models.zoo import Component, GraphSpec, SerialGraph, architecture_names, graph_spec
@@ -83,6 +88,7 @@ def _add_start_options(group: argparse._ArgumentGroup) -> None:
         metavar="COMPONENT[=CHECKPOINT]",
         help="start as an earlier component is, of this graph or of a checkpoint",
     )
+    add_decoder_options(group)
 
 
 def _graph_spec(options: argparse.Namespace, before: Checkpoint | None) -> GraphSpec:
@@ -97,6 +103,7 @@ def _graph_spec(options: argparse.Namespace, before: Checkpoint | None) -> Graph
     if options.component not in [c.name for c in spec.components]:
         raise ConfigError(f"components are {', '.join(c.name for c in spec.components)}")
     _check_frames(options, spec)
+    check_autoencoder_options(options, spec)
     if options.drop_path and not (options.folder / Trainer.LAST).exists():
         # (a run to resume may be of a version that took it for any backbone)
         check_drop_path(spec.component(options.component).backbone)
@@ -161,6 +168,7 @@ def build_graph(options: argparse.Namespace) -> tuple[SerialGraph, Checkpoint]:
         imagenet_encoder(component)
     if options.like:
         like_component(component, _earlier(graph, options))
+    plug_decoder(component, graph.spec, options)
     return graph, before
 
 
@@ -193,7 +201,7 @@ def _check_of_confidence(options: argparse.Namespace) -> None:
         )
     of_components = (
         *("dropout", "drop_path", "label_loss", "unfrozen", "compile"),
-        *("begin_with", "imagenet", "like"),
+        *("begin_with", "imagenet", "like", "plug_decoder", "freeze_decoder"),
     )
     given = [name for name in of_components if getattr(options, name)]
     given += ["frames"] * (options.frames > 1)

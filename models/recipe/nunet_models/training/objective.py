@@ -12,6 +12,7 @@ from nunet_models.data.encode import encoded_depth
 from nunet_models.losses import cross_entropy, expected_error, parse_loss, weighted_depth_loss
 from nunet_models.tasks.inner import INNER_TASKS, truth_of
 from nunet_models.training.feed import Feed
+from nunet_models.training.inputs import network_input
 from nunet_models.training.settings import Settings
 from nunet_models.zoo import SerialGraph
 from nunet_models.zoo.confidence import CONFIDENCE
@@ -65,7 +66,7 @@ class ComponentObjective:
 
     def loss(self, batch: Batch, frozen: list, trained: list) -> torch.Tensor:
         """Cross-entropy of labels, the loss of depth that the settings name, or an inner task's."""
-        image = normalize(batch.rgb).contiguous(memory_format=torch.channels_last)
+        image = network_input(self.graph.spec, batch, learning=True)
         with torch.autocast("cpu", torch.bfloat16, enabled=self.settings.bf16):
             outputs: list[torch.Tensor] = []
             with torch.no_grad():

@@ -64,6 +64,8 @@ def _origin(options: argparse.Namespace) -> dict[str, Any]:
         "begin_with": options.begin_with and _file(options.begin_with),
         "imagenet": options.imagenet,
         "like": options.like and _like(options.like),
+        "plug_decoder": options.plug_decoder and _file(options.plug_decoder),
+        "freeze_decoder": options.freeze_decoder,
     }
     return {name: value for name, value in origin.items() if value}
 

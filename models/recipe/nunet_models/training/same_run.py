@@ -18,6 +18,8 @@ _ORIGIN_OPTIONS = {
     "begin_with": "--begin-with",
     "imagenet": "--imagenet",
     "like": "--like",
+    "plug_decoder": "--plug-decoder",
+    "freeze_decoder": "--freeze-decoder",
 }
 _DIGITS = 12  # of a SHA-256 that tell two files apart for a reader
 
@@ -132,6 +134,6 @@ def _as_written(option: str, value: object) -> str:
     if isinstance(value, dict):
         name, digest = value["file"], value["sha256"][:_DIGITS]
         name = f"{value['component']}={name}" if "component" in value else name
-        between = "=" if option.startswith("--plug") else " "
+        between = "=" if option.startswith("--plug ") else " "
         return f"`{option}{between}{name}` (SHA-256 {digest}...)"
     return f"`{option} {value}`"

@@ -288,6 +288,8 @@ def _optimizer(components: list[nn.Module], settings: Settings) -> torch.optim.O
     """Weight decay on convolutions alone; encoders at their own rate."""
     groups: dict[tuple[bool, bool], list[nn.Parameter]] = {}
     for name, parameter in chain.from_iterable(c.named_parameters() for c in components):
+        if not parameter.requires_grad:  # of a frozen decoder
+            continue
         encoder = name.startswith("unet.encoder")
         groups.setdefault((encoder, parameter.dim() > 1), []).append(parameter)
     listed = [

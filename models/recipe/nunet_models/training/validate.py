@@ -15,8 +15,9 @@ from nunet_models.evaluation.compare import Comparison
 from nunet_models.evaluation.protocol import EIGEN, FULL
 from nunet_models.metrics import LabelMetrics
 from nunet_models.tasks.inner import INNER_TASKS
+from nunet_models.training.inputs import network_input
 from nunet_models.zoo import GraphSpec, SerialGraph
-from nunet_models.zoo.deploy import confidence_bytes, decode_depth, normalize
+from nunet_models.zoo.deploy import confidence_bytes, decode_depth
 from nunet_models.zoo.spec import Task
 
 
@@ -81,7 +82,7 @@ def predictions(
     )
     stream = _Stream(graph, component, data.ids)
     for samples in batches:
-        image = normalize(samples.rgb).contiguous(memory_format=torch.channels_last)
+        image = network_input(spec, samples, learning=False)
         with torch.no_grad(), torch.autocast("cpu", torch.bfloat16, enabled=bf16):
             raw, log_error = stream(image)
         images = _at_size(raw.float(), spec, size, task=task)

@@ -7,6 +7,7 @@ from torch import nn
 from torch.func import functional_call
 
 from nunet_models.errors import ConfigError
+from nunet_models.zoo.autoencoder import SkiplessDecoder, adapter
 from nunet_models.zoo.backbones import build_unet
 from nunet_models.zoo.dense import DENSE
 from nunet_models.zoo.recurrent import RECURRENT
@@ -46,6 +47,10 @@ class Component(nn.Module):
             drop_path=spec.drop_path,
         )
         self.dropout = nn.Dropout2d(spec.dropout) if spec.dropout else nn.Identity()
+        self.adapter = nn.Identity()
+        if spec.latent:
+            self.adapter = adapter(self.unet.encoder.out_channels[-1], spec.latent)
+            self.unet.decoder = SkiplessDecoder(spec.latent, spec.decoder_channels)
         if spec.memory:
             channels = self.unet.encoder.out_channels[-1]
             self.memory = RECURRENT[spec.recurrence](channels, spec.memory)
@@ -80,12 +85,13 @@ class Component(nn.Module):
         For a U-Net without a state. The decoder's own `forward` does the same and keeps no map.
         """
         encoded = self.unet.encoder(x)
-        found = self.unet.decoder.center(encoded[-1])
+        found = self.unet.decoder.center(self.adapter(encoded[-1]))
         maps = []
         levels = range(len(encoded) - 2, -1, -1)
         for level, block in zip(levels, self.unet.decoder.blocks, strict=True):
             height, width = encoded[level].shape[2:]
-            skip = encoded[level] if level else None  # level 0 is the image itself
+            skips = level > 0 and not self.spec.latent  # level 0 is the image itself
+            skip = encoded[level] if skips else None
             found = block(found, height, width, skip_connection=skip)
             maps.append(found)
         return self.unet.segmentation_head(self.dropout(found)), maps
@@ -114,6 +120,7 @@ class Component(nn.Module):
         return tuple(torch.zeros(shape) for _ in self.memory.state)
 
     def _decoded(self, maps: list[torch.Tensor]) -> torch.Tensor:
+        maps = [*maps[:-1], self.adapter(maps[-1])]
         return self.unet.segmentation_head(self.dropout(self.unet.decoder(maps)))
 
     def load_weights(self, weights: dict[str, torch.Tensor]) -> None:
@@ -135,14 +142,27 @@ class Component(nn.Module):
         self.requires_grad_(False)
         self.eval()
 
+    def freeze_decoder(self) -> None:
+        """Stop all learning of decoder and head; encoder and adapter still learn."""
+        for part in (self.unet.decoder, self.unet.segmentation_head):
+            part.requires_grad_(False)
+        self.train(self.training)
+
     @property
     def frozen(self) -> bool:
         """Whether no parameter of this component learns."""
-        return not any(p.requires_grad for p in self.parameters())
+        return _is_frozen(self)
 
     def train(self, mode: bool = True) -> "Component":
-        """Enter or leave training; a frozen component stays as it is evaluated."""
-        return super().train(mode and not self.frozen)
+        """Enter or leave training; a frozen component or decoder stays as it is evaluated."""
+        super().train(mode and not self.frozen)
+        if self.spec.latent and _is_frozen(self.unet.decoder):
+            self.unet.decoder.eval()
+        return self
+
+
+def _is_frozen(module: nn.Module) -> bool:
+    return not any(p.requires_grad for p in module.parameters())
 
 
 def _last_map(encoder: nn.Module, in_channels: int, size: tuple[int, int]) -> tuple[int, int]:

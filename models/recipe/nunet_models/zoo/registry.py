@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from typing import get_args
 
 from nunet_models.errors import ConfigError
+from nunet_models.zoo.autoencoder import LATENT
 from nunet_models.zoo.spec import LITE_DECODER, ComponentSpec, GraphSpec, Task
 
 MEMORY_UNITS = 64  # of W-Net Connected's convolutional LSTM or GRU
@@ -38,6 +39,9 @@ ARCHITECTURES: dict[str, Callable[[str], tuple[ComponentSpec, ...]]] = {
         _segmentation(b),
         ComponentSpec("depth", "depth", b, memory=MEMORY_UNITS, recurrence="gru"),
     ),
+    # true depth to itself, and W-Net Connected whose second decoder is that of this autoencoder
+    "autoencoder": lambda b: (ComponentSpec("depth", "depth", b, latent=LATENT, reads="depth"),),
+    "wnet_c_auto": lambda b: (_segmentation(b), ComponentSpec("depth", "depth", b, latent=LATENT)),
 }
 """Each from the name of its backbone; `nunetN` and `nunetN_c` exist for any N as well."""
 

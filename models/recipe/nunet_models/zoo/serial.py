@@ -3,6 +3,7 @@
 import torch
 from torch import nn
 
+from nunet_models.zoo.autoencoder import DEPTH_PLANES
 from nunet_models.zoo.component import Component, State
 from nunet_models.zoo.confidence import CONFIDENCE, ConfidenceHead
 from nunet_models.zoo.spec import GraphSpec
@@ -23,11 +24,12 @@ class SerialGraph(nn.Module):
         before = 0
         for index, component in enumerate(spec.components):
             sees_image = component.connected or index == 0
+            planes = DEPTH_PLANES if component.reads == "depth" else 3
             out_channels = spec.outputs_of(component)
             self.components.append(
                 Component(
                     component,
-                    in_channels=before + (3 if sees_image else 0),
+                    in_channels=before + (planes if sees_image else 0),
                     out_channels=out_channels,
                     size=spec.inner_size,
                 )

@@ -11,6 +11,7 @@ from nunet_models.zoo.dense import DENSE
 Task = Literal["segmentation", "normals", "objectness", "depth"]
 Encoding = Literal["metric", "minmax"]
 Recurrence = Literal["lstm", "gru"]
+Reads = Literal["image", "depth"]
 
 _CHANNELS = {"normals": 3, "objectness": 2, "depth": 1}
 """Of a task's raw numbers; a segmentation has one per class."""
@@ -56,6 +57,8 @@ class ComponentSpec:
     whole channels before the head) and `drop_path` (of encoder blocks) act in training only.
     `backbone` may also be `cnn`, `rcnn1` or `rcnn`, whose hidden layers `width` scales. `memory` is
     the number of units of a convolutional LSTM or GRU (`recurrence`) at the bottleneck, 0 for none.
+    With `latent` channels above 0, the decoder reads such a map alone, without skip connections,
+    and `reads` is "depth" for the autoencoder that this decoder comes from (`zoo.autoencoder`).
     """
 
     name: str
@@ -69,6 +72,8 @@ class ComponentSpec:
     width: float = 1.0
     memory: int = 0
     recurrence: Recurrence = "lstm"
+    latent: int = 0
+    reads: Reads = "image"
 
     def changed(self, **fields: object) -> Self:
         """The same component with some fields changed."""
@@ -140,10 +145,12 @@ class GraphSpec:
             )
         if any(c.memory for c in self.components[:-1]):
             raise ConfigError("only the last component can be recurrent")
+        if len(self.components) > 1 and any(c.reads == "depth" for c in self.components):
+            raise ConfigError("only a single component can read depth")
         if self.confidence and not self.may_have_confidence:
             raise ConfigError(
                 f"`{self.architecture}` cannot have a confidence head: it needs metric depth of a "
-                "U-Net without a state"
+                "U-Net that reads images and has no state"
             )
         for outer, inner in zip(self.input_size, self.inner_size, strict=True):
             if outer % inner:
@@ -156,7 +163,13 @@ class GraphSpec:
     def may_have_confidence(self) -> bool:
         """Whether a confidence head could read the last component's decoder."""
         last = self.components[-1]
-        return self.encoding == "metric" and not last.memory and last.backbone not in DENSE
+        u_net = not last.memory and last.backbone not in DENSE
+        return self.encoding == "metric" and u_net and not self.reads_depth
+
+    @property
+    def reads_depth(self) -> bool:
+        """Whether this is an autoencoder of depth, which sees no image and cannot be exported."""
+        return self.components[0].reads == "depth"
 
     @property
     def downsampling(self) -> tuple[int, int]:

@@ -16,7 +16,7 @@ def imagenet_encoder(component: Component) -> None:
     """Give a component's encoder ImageNet weights that ship inside a Python package.
 
     Input channels beyond the image's three start at zero, so that the encoder first sees what
-    it was trained on.
+    it was trained on. The two of an autoencoder's depth start as red and green.
 
     # Errors
     `ConfigError` where no package has weights for the backbone.
@@ -26,6 +26,8 @@ def imagenet_encoder(component: Component) -> None:
     ours = encoder.state_dict()
     # The two libraries name layers differently but define them in one order.
     for (name, mine), their in zip(ours.items(), theirs, strict=True):
+        reads_less = component.spec.reads == "depth" and their.dim() == 4
+        their = their[:, : mine.shape[1]] if reads_less else their  # noqa: PLW2901
         ours[name] = _widened(their, mine.shape, name)
     encoder.load_state_dict(ours)
 
@@ -78,6 +80,17 @@ def begin_with(component: Component, weights: dict[str, torch.Tensor]) -> None:
     }
     state = {name: mine for name, mine in ours.items() if name.startswith("memory.")}
     component.load_weights({**state, **begun})
+
+
+def take_decoder(component: Component, weights: dict[str, torch.Tensor]) -> None:
+    """Take decoder and head from the weights of another component; the rest stays as it is.
+
+    # Errors
+    `ConfigError` when the weights are of another decoder.
+    """
+    parts = ("unet.decoder.", "unet.segmentation_head.")
+    taken = {name: weight for name, weight in weights.items() if name.startswith(parts)}
+    component.load_weights({**component.state_dict(), **taken})
 
 
 def _widened(their: torch.Tensor, shape: torch.Size, name: str) -> torch.Tensor:
