@@ -67,7 +67,15 @@ def test_without_blender_the_error_names_the_package_to_install(monkeypatch, cap
         (["--rooms", "5", "--views", "0"], "`--views` is 0, expected 1 to 100"),
         (["--rooms", "5", "--threads", "0"], "`--threads` is 0, expected 1 to 1024"),
         (["--rooms", "5", "--test-share", "1.5"], "`--test-share` is 1.5, expected 0 to 1"),
-        (["--flat-images", "5", "--kinds", "office"], "`--kinds` is for `--rooms` alone"),
+        (["--videos", "0"], "`--videos` is 0, expected 1 to 100000"),
+        (["--videos", "2", "--start", "99999"], "`--start` is 99999, expected 0 to 99998"),
+        (["--videos", "2", "--frames", "1"], "`--frames` is 1, expected 2 to 10000"),
+        (["--videos", "2", "--view-kinds", "low"], "`--view-kinds` is for `--rooms` alone"),
+        (["--rooms", "2", "--frames", "9"], "`--frames` is for `--videos` alone"),
+        (
+            ["--flat-images", "5", "--kinds", "office"],
+            "`--kinds` is for `--rooms` and `--videos` alone",
+        ),
         (["--flat-images", "5", "--view-kinds", "low"], "`--view-kinds` is for `--rooms` alone"),
     ],
 )

@@ -25,6 +25,11 @@ def test_camera_and_poses_read_back_as_they_were_written(tmp_path):
     assert header[:5] == ["id", "right_x", "down_x", "ahead_x", "x"]
     assert np.abs(np.array(first[1:], float).reshape(3, 4) - pose).max() < 1e-6
     assert second[0] == "0001"
+    sequence.write_poses(tmp_path, {"0001": -pose}, name="of_one.csv")
+    assert (tmp_path / "of_one.csv").read_text().splitlines() == [
+        ",".join(header),
+        ",".join(second),
+    ]
 
 
 def test_truth_is_millimeters_with_0_where_there_is_none(tmp_path):

@@ -1,4 +1,4 @@
-"""The subcommand `render`: random rooms, flat images, the drive and the clip, with exact depth."""
+"""The subcommand `render`: rooms, videos, flat images, the drive and the clip, with exact depth."""
 
 from __future__ import annotations
 
@@ -18,6 +18,9 @@ from nunet_models.program import EXIT_FAILURE, run_program
 
 MAX_ROOMS = 100_000
 """Rooms are numbered with five digits."""
+DEFAULT_FRAMES = 40
+MAX_FRAMES = 10_000
+"""Frames of a video are numbered with four digits."""
 
 
 def add_parser(subcommands: argparse._SubParsersAction) -> None:
@@ -35,12 +38,21 @@ def add_options(made: argparse.ArgumentParser) -> None:
     what.add_argument(
         "--flat-images", type=int, metavar="N", help="render N empty rooms with a flat image each"
     )
+    what.add_argument(
+        "--videos", type=int, metavar="N", help="render N videos of a robot in random rooms"
+    )
     what.add_argument("--drive", action="store_true", help="render the drive (models/drive)")
     what.add_argument("--clip", action="store_true", help="render the clip (models/clip)")
     what.add_argument("--check", action="store_true", help="measure depth and pixels; no images")
     made.add_argument("--out", type=Path, help="output folder; images that exist are kept")
     made.add_argument("--threads", type=int, default=1, help="render threads (default 1)")
-    rooms = made.add_argument_group("random rooms and flat images")
+    _add_room_options(made)
+    made.set_defaults(carry_out=carry_out)
+
+
+def _add_room_options(made: argparse.ArgumentParser) -> None:
+    """What is for random rooms, flat images and videos."""
+    rooms = made.add_argument_group("random rooms, flat images and videos")
     rooms.add_argument("--start", type=int, default=0, metavar="I", help="first room (default 0)")
     rooms.add_argument(
         "--seed", type=int, default=0, help="the same seed and number give the same room"
@@ -65,7 +77,9 @@ def add_options(made: argparse.ArgumentParser) -> None:
         help="draw from these kinds of views alone: low, driving, near, seated, standing "
         "(default: those of the kind of room)",
     )
-    made.set_defaults(carry_out=carry_out)
+    rooms.add_argument(
+        "--frames", type=int, metavar="K", help="frames per video, at 10 Hz (default 40)"
+    )
 
 
 def carry_out(options: argparse.Namespace) -> int:
@@ -88,13 +102,18 @@ def carry_out(options: argparse.Namespace) -> int:
 
 
 def _render_rooms(options: argparse.Namespace) -> None:
-    """Random rooms, or rooms with flat images."""
+    """Random rooms, rooms with flat images, or videos of rooms."""
     names = ("out", "start", "seed", "views", "samples", "threads", "test_share")
     values = {name: getattr(options, name) for name in names}
     generator = _blender_module("generator")
     if options.flat_images is not None:
         wanted = generator.Options(rooms=options.flat_images, **values)
         _blender_module("flat_images").render_flat_images(wanted)
+    elif options.videos is not None:
+        videos = _blender_module("videos")
+        frames = DEFAULT_FRAMES if options.frames is None else options.frames
+        wanted = videos.VideoOptions(rooms=options.videos, frames=frames, **values)
+        videos.render_videos(wanted.of_kinds(_listed(options.kinds)))
     else:
         kinds, view_kinds = _listed(options.kinds), _listed(options.view_kinds)
         wanted = generator.Options(rooms=options.rooms, **values)
@@ -125,18 +144,36 @@ def validate(options: argparse.Namespace) -> None:
         raise OptionError("`--out` is missing: it names the output folder")
     if options.out is not None and options.out.exists() and not options.out.is_dir():
         raise OptionError(f"`--out {options.out}` is a file, expected a folder")
-    for flag, count in (("--rooms", options.rooms), ("--flat-images", options.flat_images)):
+    for flag, count in _counts(options).items():
         if count is not None:
             _require_range(flag, count, 1, MAX_ROOMS)
             _require_range("--start", options.start, 0, MAX_ROOMS - count)
     _require_range("--views", options.views, 1, 100)
     _require_range("--samples", options.samples, 1, 4096)
     _require_range("--threads", options.threads, 1, 1024)
-    for flag, value in (("--kinds", options.kinds), ("--view-kinds", options.view_kinds)):
-        if value is not None and options.rooms is None:
-            raise OptionError(f"`{flag}` is for `--rooms` alone")
+    if options.frames is not None:
+        _require_range("--frames", options.frames, 2, MAX_FRAMES)
+    _require_use(options)
     if not 0 <= options.test_share <= 1:
         raise OptionError(f"`--test-share` is {options.test_share}, expected 0 to 1")
+
+
+def _counts(options: argparse.Namespace) -> dict[str, int | None]:
+    return {
+        "--rooms": options.rooms,
+        "--flat-images": options.flat_images,
+        "--videos": options.videos,
+    }
+
+
+def _require_use(options: argparse.Namespace) -> None:
+    """Refuse options that what is rendered does not use."""
+    if options.kinds is not None and options.rooms is None and options.videos is None:
+        raise OptionError("`--kinds` is for `--rooms` and `--videos` alone")
+    if options.view_kinds is not None and options.rooms is None:
+        raise OptionError("`--view-kinds` is for `--rooms` alone")
+    if options.frames is not None and options.videos is None:
+        raise OptionError("`--frames` is for `--videos` alone")
 
 
 def _require_range(flag: str, value: int, low: int, high: int) -> None:

@@ -7,6 +7,7 @@ import logging
 import math
 import shutil
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
@@ -25,10 +26,6 @@ from nunet_models.rendering.sensor import Metered, Sensor
 LOG = logging.getLogger(__name__)
 CAMERA = Intrinsics(262.0, 262.0, 160.3, 119.2, 320, 240)
 FRAMES_PER_SECOND = 10
-SPEED = 0.6
-"""Meters per second."""
-HEIGHT_M = 0.25
-PITCH_DEG = 4.0
 SAMPLES = 6
 SENSOR = Sensor(
     exposure_stops=0.25,
@@ -45,21 +42,34 @@ ADAPTATION_FRAMES = 12
 """Exposure and white balance are averaged over so many frames."""
 
 
-def pose(path: RobotPath, frame: int) -> Matrix:
+@dataclass(frozen=True)
+class Robot:
+    """How fast a robot drives (meters per second), and where its camera is; positive is up."""
+
+    speed: float
+    height_m: float
+    pitch_deg: float
+
+
+ROBOT = Robot(0.6, 0.25, 4.0)
+"""The robot of the drive."""
+
+
+def pose(path: RobotPath, frame: int, robot: Robot = ROBOT) -> Matrix:
     """World from Blender's camera at a frame: the path, and the shaking of wheels on a floor."""
     t = frame / FRAMES_PER_SECOND
-    s = SPEED * t
+    s = robot.speed * t
     x, y = path.point(s)
     shake = [math.sin(2 * math.pi * f * t + p) for f, p in ((1.3, 0.4), (2.9, 1.1), (1.7, 2.0))]
     rotation = turned(
-        path.heading_deg(s) + 0.3 * shake[2], PITCH_DEG + 0.35 * shake[0], 0.3 * shake[1]
+        path.heading_deg(s) + 0.3 * shake[2], robot.pitch_deg + 0.35 * shake[0], 0.3 * shake[1]
     )
-    return Matrix.Translation((x, y, HEIGHT_M + 0.002 * shake[1])) @ rotation
+    return Matrix.Translation((x, y, robot.height_m + 0.002 * shake[1])) @ rotation
 
 
 def frame_count(path: RobotPath) -> int:
     """Frames from the start to the end of the path."""
-    return int(path.length_m / SPEED * FRAMES_PER_SECOND) + 1
+    return int(path.length_m / ROBOT.speed * FRAMES_PER_SECOND) + 1
 
 
 def render_drive(out: Path, *, threads: int) -> None:

@@ -149,11 +149,20 @@ def build(
 ) -> tuple[Room, Random]:
     """Build a random room in the open scene; the generator that continues for its views."""
     random = Random(seed_text)
-    name = random.choices(among, [KINDS[kind].weight for kind in among])[0]
-    furnisher, room = build_unfurnished(name, random, photos)
-    KINDS[name].furnish(furnisher)
-    _common(furnisher)
+    furnisher, room = build_unfurnished(draw(random, among), random, photos)
+    furnish(furnisher, room)
     return room, random
+
+
+def draw(random: Random, among: Sequence[str]) -> str:
+    """One of these kinds of rooms, by their weight."""
+    return random.choices(among, [KINDS[kind].weight for kind in among])[0]
+
+
+def furnish(furnisher: Furnisher, room: Room) -> None:
+    """Put what a room of its kind contains where the furnisher's plan is free."""
+    KINDS[room.kind].furnish(furnisher)
+    _common(furnisher)
 
 
 def build_unfurnished(name: str, random: Random, photos: list[str]) -> tuple[Furnisher, Room]:

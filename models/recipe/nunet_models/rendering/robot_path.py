@@ -1,14 +1,22 @@
-"""A robot's smooth path through waypoints at constant speed. Needs no Blender."""
+"""A robot's smooth path at constant speed, through waypoints or random. Needs no Blender."""
 
 from __future__ import annotations
 
 import math
+from random import Random
 
 import numpy as np
 
 STEP_M = 0.01
 LOOK_AHEAD_M = 0.45
 """A robot turns toward the point of its path that lies this far ahead."""
+MARGIN_M = 0.4
+"""Between a random path and the walls."""
+BETWEEN_M = (0.5, 1.0)
+"""Range of the distance between the waypoints of a random path."""
+TURN_DEG = 35.0
+"""Standard deviation of the change of direction at such a waypoint."""
+ATTEMPTS = 50
 
 
 class RobotPath:
@@ -43,6 +51,44 @@ class RobotPath:
     def samples(self, spacing_m: float) -> np.ndarray:
         """Points along the path, `[N, 2]`."""
         return np.array([self.point(s) for s in np.arange(0, self.length_m, spacing_m)])
+
+
+def random_path(random: Random, size: tuple[float, float], length_m: float) -> RobotPath | None:
+    """A path of at least this length in a room whose corner is at the origin; none if none fits."""
+    for _ in range(ATTEMPTS):
+        waypoints = _random_waypoints(random, size, length_m)
+        if waypoints is not None:
+            path = RobotPath(waypoints)
+            # Between waypoints, the curve may come nearer to a wall than they do.
+            if all(_is_inside(point, size) for point in path.samples(0.05)):
+                return path
+    return None
+
+
+def _random_waypoints(
+    random: Random, size: tuple[float, float], length_m: float
+) -> np.ndarray | None:
+    """Waypoints `[N, 2]`, of which each is ahead of the one before; none if a wall stops them."""
+    points = [np.array([random.uniform(MARGIN_M, side - MARGIN_M) for side in size])]
+    heading, left_m = random.uniform(0, 360), length_m
+    while left_m > 0:
+        for _ in range(ATTEMPTS):
+            turned = heading + random.gauss(0, TURN_DEG)
+            step_m, angle = random.uniform(*BETWEEN_M), math.radians(turned)
+            point = points[-1] + step_m * np.array([math.cos(angle), math.sin(angle)])
+            if _is_inside(point, size):
+                break
+        else:
+            return None
+        points.append(point)
+        heading, left_m = turned, left_m - step_m
+    return np.array(points)
+
+
+def _is_inside(point: np.ndarray, size: tuple[float, float]) -> bool:
+    return all(
+        MARGIN_M <= value <= side - MARGIN_M for value, side in zip(point, size, strict=True)
+    )
 
 
 def _segment(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:

@@ -45,11 +45,11 @@ def write_camera(out: Path, camera: Intrinsics, frames_per_second: float) -> Non
     replace_file(out / "camera.json", (json.dumps(described, indent=2) + "\n").encode())
 
 
-def write_poses(out: Path, poses: dict[str, np.ndarray]) -> None:
-    """`poses.csv`: one row per image, the `[3, 4]` matrix world from camera row by row."""
+def write_poses(out: Path, poses: dict[str, np.ndarray], *, name: str = "poses.csv") -> None:
+    """A table with one row per image, the `[3, 4]` matrix world from camera row by row."""
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")
     rows.writerow(["id", *POSE_COLUMNS])
     for identity, pose in poses.items():
         rows.writerow([identity, *(round(float(value), 6) for value in pose.ravel())])
-    replace_file(out / "poses.csv", text.getvalue().encode())
+    replace_file(out / name, text.getvalue().encode())

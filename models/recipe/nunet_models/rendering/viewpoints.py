@@ -97,7 +97,7 @@ class ViewFinder:
             intrinsics = random_intrinsics(self.random)
             pose = self._pose(wanted)
             things = MIN_THINGS_DRIVING if wanted == DRIVING else MIN_THINGS
-            if pose is not None and self._is_good(intrinsics, pose, median_m, things):
+            if pose is not None and self.is_good(intrinsics, pose, median_m, things):
                 return View(wanted, intrinsics, pose)
         return None
 
@@ -184,9 +184,10 @@ class ViewFinder:
     def _is_inside(self, eye: Vector) -> bool:
         return all(0.08 < value < limit - 0.08 for value, limit in zip(eye, self.size, strict=True))
 
-    def _is_good(
+    def is_good(
         self, intrinsics: Intrinsics, pose: Matrix, min_median_m: float, min_things: int
     ) -> bool:
+        """Whether a view is not inside a body, too near to one, or of fewer things than these."""
         eye, rotation = pose.translation, pose.to_3x3()
         columns = np.linspace(0, intrinsics.width - 1, COLUMNS)
         rows = np.linspace(0, intrinsics.height - 1, ROWS)
