@@ -97,6 +97,14 @@ def test_frames_at_once_are_frames_one_after_another(recurrence):
         assert not torch.allclose(found[2:], component(frames[1:].flatten(0, 1)))
 
 
+def test_batch_norm_has_the_statistics_of_all_frames_of_a_step():
+    component = recurrent("lstm").train()
+    norms = [m for m in component.modules() if isinstance(m, torch.nn.BatchNorm2d)]
+    component.over_frames(torch.randn(6, 3, *SIZE), 3)
+    assert norms
+    assert {int(norm.num_batches_tracked) for norm in norms} == {1}
+
+
 @pytest.mark.parametrize("recurrence", ["lstm", "gru"])
 def test_what_only_the_first_frame_shows_is_learned_for_the_later_ones(recurrence):
     torch.manual_seed(0)

@@ -107,12 +107,15 @@ class Component(nn.Module):
 
         `x` is `[frames * B, in, h, w]`: the first frame of every video, then the second ones.
         """
-        state = self.no_state(len(x) // frames)
-        raw = []
-        for frame in x.chunk(frames):
-            answer, state = self.with_state(frame, state)
-            raw.append(answer)
-        return torch.cat(raw)
+        # Encoder and decoder see all frames at once, so batch norm has the statistics of all.
+        maps = list(self.unet.encoder(x))
+        state: tuple | list = self.no_state(len(x) // frames)
+        deepest = []
+        for frame in maps[-1].chunk(frames):
+            changed, *state = self.memory(frame, *state)
+            deepest.append(changed)
+        maps[-1] = torch.cat(deepest)
+        return self._decoded(maps)
 
     def no_state(self, batch: int = 1) -> State:
         """The state before the first image: zeros."""
