@@ -10,17 +10,23 @@ use super::view::Cell;
 use super::{Mount, ObstacleOptions};
 
 /// A thing must be this high to count, and this much higher than the clearance, meters.
-const MIN_HEIGHT_M: f32 = 0.15;
+const MIN_HEIGHT_M: f32 = 0.1;
 const ABOVE_CLEARANCE_M: f32 = 0.05;
+/// Its height is measured up to here, meters. Above, the wall behind it may begin.
+const MEASURED_HEIGHT_M: f32 = 0.15;
 /// A camera that is hardly higher than a thing would have to see it up to the horizon. This share of its
 /// height is enough.
 const MAX_HEIGHT_SHARE: f32 = 0.75;
+/// A thing must fill more than one of this many parts of each cell. The legs of chairs are narrower than
+/// sectors, and whether a sector is in view is also decided by quarters.
+const PARTS: u32 = 4;
 
-/// How high a thing must be, as a share of the camera's height.
+/// How high a thing must be, meters.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct MinHeight {
     camera_m: f32,
-    share: f32,
+    min_m: f32,
+    measured_m: f32,
 }
 
 /// The nearest thing of a sector.
@@ -37,27 +43,39 @@ impl MinHeight {
     /// `None` for a camera that cannot see whether a thing is higher than the clearance.
     pub(super) fn new(mount: &Mount, options: &ObstacleOptions) -> Option<Self> {
         let camera_m = mount.height_m() as f32;
-        let height_m = MIN_HEIGHT_M.max(options.clearance_m + ABOVE_CLEARANCE_M);
-        let share = (height_m / camera_m).min(MAX_HEIGHT_SHARE);
-        (options.clearance_m < share * camera_m).then_some(Self { camera_m, share })
+        let visible_m = MAX_HEIGHT_SHARE * camera_m;
+        let min_m = MIN_HEIGHT_M.max(options.clearance_m + ABOVE_CLEARANCE_M).min(visible_m);
+        let measured_m = MEASURED_HEIGHT_M.min(visible_m).max(min_m);
+        (options.clearance_m < min_m).then_some(Self { camera_m, min_m, measured_m })
+    }
+
+    /// The camera's height, meters.
+    pub(super) fn camera_m(self) -> f32 {
+        self.camera_m
     }
 
     /// Walks from cell to cell. A thing at the distance of a cell is as high as the camera sees it above the
-    /// cell of the same direction whose tangent is less by that share.
+    /// cell of the same direction whose tangent is less by that share of the camera's height.
     pub(super) fn nearest(self, cells: &[Cell], votes: &[Votes]) -> Option<Contact> {
-        let mut foot: Option<(&Cell, u8)> = None;
+        // With the tangent of its foot.
+        let mut thing: Option<(f32, Contact)> = None;
+        let is_high = |(_, contact): &(f32, Contact)| contact.height_m >= self.min_m;
         for (cell, vote) in cells.iter().zip(votes) {
-            if 2 * vote.other < cell.samples {
-                foot = None;
+            if PARTS * vote.other <= cell.samples {
+                if thing.as_ref().is_some_and(is_high) {
+                    break;
+                }
+                thing = None;
                 continue;
             }
-            let &mut (first, label) = foot.get_or_insert((cell, vote.label));
-            let share = 1.0 - cell.tangent / first.tangent;
-            if share >= self.share {
-                return Some(Contact { range_m: first.near_m, height_m: share * self.camera_m, label });
+            let foot = Contact { range_m: cell.near_m, height_m: 0.0, label: vote.label };
+            let (tangent, contact) = thing.get_or_insert((cell.tangent, foot));
+            contact.height_m = (1.0 - cell.tangent / *tangent) * self.camera_m;
+            if contact.height_m >= self.measured_m {
+                break;
             }
         }
-        None
+        thing.filter(is_high).map(|(_, contact)| contact)
     }
 }
 
@@ -92,6 +110,17 @@ mod tests {
             1.0,
             "from the bottom of the image on"
         );
+    }
+
+    #[test]
+    fn a_thing_may_be_lower_than_what_is_measured_and_narrower_than_its_sector() {
+        let low = nearest(0.05, &[0, 0, 4, 4, 4, 4, 4, 0, 4]).unwrap();
+        assert!(
+            low.range_m == 1.2 && (low.height_m - 0.125).abs() < 1e-6,
+            "{low:?}: 0.5 m * (1 - 1.2 / 1.6)"
+        );
+        assert_eq!(nearest(0.05, &[0, 2, 2, 2, 2, 2, 2]).unwrap().range_m, 1.1, "half of each cell");
+        assert_eq!(nearest(0.05, &[0, 1, 1, 1, 1, 1, 1]), None, "a quarter");
     }
 
     #[test]

@@ -2,7 +2,8 @@
 
 use nunet_types::{ObstacleSector, SectorState};
 
-use super::contact::{Contact, MinHeight};
+use super::contact::Contact;
+use super::contacts::Contacts;
 use super::hits::Hits;
 use super::scan::Votes;
 use super::sectors::Sectors;
@@ -43,15 +44,16 @@ pub(super) fn fill(
     votes: &[Votes],
     hits: &mut Hits,
     max_range_m: f32,
-    things: Option<MinHeight>,
+    contacts: &mut Contacts,
     sectors: &mut [ObstacleSector],
 ) {
     hits.fill(sectors);
+    contacts.correct(view, votes, sectors);
     for (index, sector) in sectors.iter_mut().enumerate() {
         let cells = view.cells_of(index);
         let (seen, votes) = (&view.cells[cells.clone()], &votes[cells.clone()]);
         let floor = free_floor(seen, votes);
-        if let Some(contact) = things.and_then(|min_height| min_height.nearest(seen, votes)) {
+        if let Some(contact) = contacts.of(index) {
             add(sector, contact, view.cell_growth);
         }
         let near_m = view.cells[cells].first().map_or(f32::NAN, |cell| cell.near_m);
@@ -77,12 +79,13 @@ fn gap(obstacle_m: f32, cell_growth: f32) -> f32 {
     GAP_M + GAP_CELLS * cell_growth * obstacle_m.min(100.0).powi(2)
 }
 
-/// Walks from cell to cell as long as each shows mostly floor.
+/// Walks from cell to cell as long as each shows mostly floor. A cell that is mostly labeled as a thing does
+/// not, whatever its depth: thin things are blurred into the floor behind them.
 fn free_floor(cells: &[Cell], votes: &[Votes]) -> FreeFloor {
     let shows = |index: usize, count: u32| 2 * count >= cells[index].samples;
     let mut free_squared = 0.0_f32;
     for (index, vote) in votes.iter().enumerate() {
-        if !shows(index, vote.floor) {
+        if !shows(index, vote.floor) || shows(index, vote.other) {
             let is_missing = shows(index, vote.drop)
                 && votes.get(index + 1).is_none_or(|next| shows(index + 1, next.drop));
             let end = if is_missing { End::Drop } else { End::Covered };
@@ -214,6 +217,17 @@ mod tests {
         assert_eq!(walk(&[(4, 4, 0), (4, 0, 4), (4, 4, 0)]).end, End::Covered, "one cell is no drop");
         assert_eq!(walk(&[(4, 1, 0)]), FreeFloor { free_m: 0.0, end: End::Covered });
         assert_eq!(walk(&[]), FreeFloor { free_m: 0.0, end: End::OutOfRange });
+    }
+
+    #[test]
+    fn a_cell_that_is_labeled_as_a_thing_is_not_free() {
+        let cell = Cell { samples: 4, near_m: 1.0, tangent: 0.5 };
+        let free_m = |other: u32| {
+            let vote = Votes { floor: 4, other, far_squared: 1.0, ..Votes::default() };
+            free_floor(&[cell], &[vote])
+        };
+        assert_eq!(free_m(1), FreeFloor { free_m: 1.0, end: End::OutOfRange });
+        assert_eq!(free_m(2), FreeFloor { free_m: 0.0, end: End::Covered });
     }
 
     #[test]

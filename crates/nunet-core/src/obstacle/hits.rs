@@ -3,7 +3,7 @@
 use nunet_types::{NO_LABEL, ObstacleSector};
 
 /// Points of an obstacle are at most this much farther than its nearest one, meters.
-const DEPTH_OF_OBSTACLE_M: f32 = 0.3;
+pub(super) const DEPTH_OF_OBSTACLE_M: f32 = 0.3;
 
 /// A point that may belong to the nearest obstacle of its sector.
 #[derive(Debug, Clone, Copy)]

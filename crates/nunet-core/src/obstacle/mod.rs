@@ -10,7 +10,8 @@
 //! 3. *Obstacle points*: isolated samples and those on a depth edge are removed, the others are reduced to
 //!    one per cube.
 //! 4. *Sectors*: in each direction the floor must be seen cell by cell, from near to far. Its end decides the
-//!    state. Labels show where a thing stands on the floor, also if its depth is wrong.
+//!    state. Labels show where a thing stands on the floor, also if its depth is wrong, and correct the depth
+//!    beside it.
 //!
 //! Images wider than 320 pixels are sampled at each second, third, ... column and row.
 //!
@@ -48,6 +49,7 @@
 
 mod collect;
 mod contact;
+mod contacts;
 mod directions;
 mod error;
 mod extent;
@@ -71,7 +73,7 @@ pub use nunet_types::{ObstacleMap, ObstaclePoint, ObstacleSector, SectorState};
 pub use options::ObstacleOptions;
 
 use collect::Collector;
-use contact::MinHeight;
+use contacts::Contacts;
 use directions::Memory;
 use ground::GroundFit;
 use kind::Bounds;
@@ -139,7 +141,7 @@ pub struct ObstacleDetector {
     last_sectors: Sectors,
     scan: Scan,
     ground: GroundFit,
-    things: Option<MinHeight>,
+    contacts: Contacts,
     collector: Collector,
     memory: Memory,
     obstacles: Obstacles,
@@ -174,7 +176,7 @@ impl ObstacleDetector {
             roles: Roles::new(classes),
             scan: Scan::new(&view, mount.position_m()),
             ground: GroundFit::new(&mount, &options),
-            things: MinHeight::new(&mount, &options),
+            contacts: Contacts::new(&mount, &options),
             collector: Collector::new(&view),
             memory: Memory::new(options.hold_s, options.sectors),
             obstacles,
@@ -194,7 +196,7 @@ impl ObstacleDetector {
         self.memory.turn(&self.last_sectors, &self.view.sectors);
         self.scan.set_mount(&self.view, mount.position_m());
         self.ground.set_mount(&mount);
-        self.things = MinHeight::new(&mount, &self.options);
+        self.contacts.set_mount(&mount, &self.options);
         self.obstacles.angle_min_rad = self.view.sectors.angle_min_rad;
         self.obstacles.angle_step_rad = self.view.sectors.angle_step_rad;
     }
@@ -246,7 +248,7 @@ impl ObstacleDetector {
         let sectors = &mut self.obstacles.sectors;
         let max_range_m = self.options.max_range_m;
         let hits = &mut self.collector.hits;
-        directions::fill(&self.view, &self.scan.votes, hits, max_range_m, self.things, sectors);
+        directions::fill(&self.view, &self.scan.votes, hits, max_range_m, &mut self.contacts, sectors);
         self.memory.update(&mut self.obstacles.sectors, time_nanos);
         Ok(&self.obstacles)
     }
