@@ -53,7 +53,7 @@ def box_maps(labels: np.ndarray, things: Sequence[int]) -> np.ndarray:
     inside = np.zeros(labels.shape, np.float32)
     center = np.zeros(labels.shape, np.float32)
     for box in boxes(labels, things):
-        rows, columns = (_bell(side) for side in box)
+        rows, columns = (_gaussian(side) for side in box)
         inside[box] = 1.0
         center[box] = np.maximum(center[box], rows[:, None] * columns)
     maps = np.stack([inside, center])
@@ -61,7 +61,7 @@ def box_maps(labels: np.ndarray, things: Sequence[int]) -> np.ndarray:
     return maps
 
 
-def _bell(side: slice) -> np.ndarray:
+def _gaussian(side: slice) -> np.ndarray:
     """A Gaussian over the pixels of a box's side, 1 in the middle, float32."""
     length = side.stop - side.start
     place = np.arange(length) - (length - 1) / 2
