@@ -237,6 +237,33 @@ def test_the_decoder_of_a_u_net_is_refused(auto, tmp_path, capsys):
     )
 
 
+def test_a_decoder_that_nobody_trained_is_neither_plugged_in_nor_kept(auto, tmp_path, capsys):
+    dataset, _ = auto
+    first = tmp_path / "first"
+    assert train(dataset, first, *WNET, component="segmentation", epochs=1) == 0
+    best, run = str(first / "best.pt"), tmp_path / "run"
+    plug = (*WNET, "--plug-decoder", best)
+    assert train(dataset, run, *plug, component="depth", epochs=1) == 1
+    assert "its `depth` was not trained; hint: " in capsys.readouterr().err
+    start = ("--no-bf16", "--start", best, "--freeze-decoder")
+    assert train(dataset, run, *start, component="depth", epochs=1) == 2
+    assert "`--freeze-decoder` would keep random weights" in capsys.readouterr().err
+
+
+def test_a_network_with_another_input_or_decoder_is_not_begun_with(auto, tmp_path, capsys):
+    dataset, run = auto
+    for name in ("unet", "wnet_c_auto"):
+        how = ("--architecture", name, "--begin-with", str(run / "best.pt"))
+        assert train(dataset, tmp_path, *how, component="depth", epochs=1) == 1
+        assert "`depth` of `autoencoder` has another input or decoder" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["autoencoder", "wnet_c_auto"])
+def test_a_backbone_without_a_decoder_is_refused(name):
+    with pytest.raises(ConfigError, match="has no U-Net decoder with backbone `cnn`"):
+        graph_spec(name, backbone="cnn")
+
+
 def test_weights_of_another_decoder_are_not_taken():
     component = SerialGraph(tiny_spec("wnet_c_auto")).component("depth")
     with pytest.raises(ConfigError, match="do not fit component `depth`"):

@@ -4,6 +4,7 @@ import hashlib
 import json
 import shutil
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from nunet_models.export.collections import TINY_ARCHITECTURES, TINY_SEED, tiny_
 from nunet_models.export.model_file import Provenance, export_fused, export_staged
 from nunet_models.export.onnx_file import read_metadata, run, session
 from nunet_models.export.selftest import grid_from_outputs, selftest_image
+from nunet_models.export.split import split
 from nunet_models.export.untrained import untrained_graph
 from nunet_models.zoo.deploy import FusedModel
 
@@ -175,6 +177,15 @@ def test_a_recurrent_graph_cannot_be_staged(tmp_path):
     graph = untrained_graph(tiny_spec("wnet_c_lstm"), seed=1)
     with pytest.raises(ExportError, match="cannot be staged"):
         export_staged(graph, tmp_path / "staged.toml", Provenance())
+
+
+def test_a_file_without_labels_is_not_split(tmp_path):
+    components = [c.changed(task="depth") for c in tiny_spec("wnet_c").components]
+    spec = replace(tiny_spec("wnet_c"), components=tuple(components))
+    export_fused(untrained_graph(spec, seed=1), tmp_path / "deep.onnx", Provenance())
+    with pytest.raises(ExportError, match="has no labels"):
+        split(tmp_path / "deep.onnx", tmp_path / "parts.toml")
+    assert not (tmp_path / "parts.toml").exists()
 
 
 def test_figures_of_nunetd_are_written_into_the_file_that_they_are_of(tmp_path, capsys):

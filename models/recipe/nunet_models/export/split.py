@@ -24,8 +24,8 @@ def split(fused: Path, out: Path, *, names: tuple[str, str] = ("segmentation", "
     the labels are the same, the logits are scaled.)
 
     # Errors
-    `ExportError` if the file has no connected joint, more than one, or is recurrent. Nothing is
-    written then.
+    `ExportError` if the file has no connected joint, more than one, or is recurrent, or has no
+    labels. Nothing is written then.
     """
     model = load_model(fused)
     values = read_metadata(fused)
@@ -33,9 +33,14 @@ def split(fused: Path, out: Path, *, names: tuple[str, str] = ("segmentation", "
         raise ExportError(
             f"`{fused.name}` is recurrent, and stages carry no state", hint="run the fused `.onnx`"
         )
+    given = {output.name for output in model.graph.output}
+    if "labels" not in given:
+        raise ExportError(
+            f"`{fused.name}` has no labels, and its first stage would have no result",
+            hint="`export --checkpoint CHECKPOINT --out NAME.toml` writes its components",
+        )
     features = _features(model, fused)
     first = _part(model, ["rgb"], [features, "labels"])
-    given = {output.name for output in model.graph.output}
     of_depth = ["depth", *({CONFIDENCE} & given)]
     second = _part(model, ["rgb", features], of_depth)
     _rename(first, features, LOGITS)

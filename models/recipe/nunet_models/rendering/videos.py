@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections import deque
+from collections.abc import Container
 from dataclasses import dataclass
 from random import Random
 
@@ -82,6 +83,7 @@ def _render_video(name: str, folder: RoomsFolder, photos: list[str], options: Vi
         return 0
     renderer = FastRenderer(options.samples, options.threads, room.ambient)
     views = {f"{name}_{frame:04d}": ride.view(frame) for frame in range(options.frames)}
+    _remove_frames_besides(views, name, folder)
     _render_frames(views, renderer, folder, random)
     poses = {each: _world_from_camera(view.pose) for each, view in views.items()}
     sequence.write_poses(folder.path, poses, name=f"poses/{name}.csv")
@@ -92,6 +94,14 @@ def _render_video(name: str, folder: RoomsFolder, photos: list[str], options: Vi
     message = "%s %s: %d frames at %.2f m/s, %.2f s each"
     LOG.info(message, name, room.kind, count, speed, seconds / count)
     return count
+
+
+def _remove_frames_besides(views: Container[str], name: str, folder: RoomsFolder) -> None:
+    """Remove frames that an interrupted run with more of them left."""
+    for part in ("rgb", "depth", "labels"):
+        for path in (folder.path / part).glob(f"{name}_*"):
+            if path.stem not in views:
+                path.unlink()
 
 
 def _build(

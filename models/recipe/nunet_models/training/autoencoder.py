@@ -49,18 +49,18 @@ def check_autoencoder_options(options: argparse.Namespace, spec: GraphSpec) -> N
             "cannot take the decoder of an autoencoder",
             hint="`--architecture wnet_c_auto --component depth` can",
         )
-    if options.freeze_decoder and not (options.plug_decoder or options.start):
-        raise OptionError(
-            "`--freeze-decoder` would keep random weights",
-            hint="`--plug-decoder CHECKPOINT` takes trained ones",
-        )
 
 
-def plug_decoder(component: Component, spec: GraphSpec, options: argparse.Namespace) -> None:
+def plug_decoder(
+    component: Component, spec: GraphSpec, options: argparse.Namespace, *, is_trained: bool
+) -> None:
     """Take and freeze the decoder, as the options say.
 
+    `is_trained` says whether the component has the weights of a training already.
+
     # Errors
-    `ConfigError` for the checkpoint of a network whose decoder does not fit.
+    `ConfigError` for the checkpoint of a network whose decoder does not fit or was not trained,
+    `OptionError` if random weights would be frozen.
     """
     if options.plug_decoder:
         other = Checkpoint.load(options.plug_decoder)
@@ -72,8 +72,18 @@ def plug_decoder(component: Component, spec: GraphSpec, options: argparse.Namesp
                 f"`--plug-decoder {options.plug_decoder}` has {its}; expected {mine}",
                 hint="an autoencoder that was trained with the same `--decoder` and `--encoding`",
             )
+        if not other.history.get(last.name):
+            raise ConfigError(
+                f"`--plug-decoder {options.plug_decoder}`: its `{last.name}` was not trained",
+                hint="`train --architecture autoencoder --component depth` trains a decoder",
+            )
         take_decoder(component, other.component_weights(last.name))
     if options.freeze_decoder:
+        if not (options.plug_decoder or is_trained):
+            raise OptionError(
+                "`--freeze-decoder` would keep random weights",
+                hint="`--plug-decoder CHECKPOINT` takes trained ones",
+            )
         component.freeze_decoder()
 
 

@@ -161,15 +161,31 @@ def build_graph(options: argparse.Namespace) -> tuple[SerialGraph, Checkpoint]:
         return graph, before
     component = graph.component(options.component)
     if options.begin_with:
-        begin_with(
-            component, Checkpoint.load(options.begin_with).component_weights(options.component)
-        )
+        _begin_with(component, options)
     if options.imagenet:
         imagenet_encoder(component)
     if options.like:
         like_component(component, _earlier(graph, options))
-    plug_decoder(component, graph.spec, options)
+    is_trained = bool(before.history.get(options.component) or options.begin_with)
+    plug_decoder(component, graph.spec, options, is_trained=is_trained)
     return graph, before
+
+
+def _begin_with(component: Component, options: argparse.Namespace) -> None:
+    """Start a component from that of `--begin-with`, which reads and decodes the same.
+
+    # Errors
+    `ConfigError` for another decoder or input, whose weights may fit by chance.
+    """
+    other = Checkpoint.load(options.begin_with)
+    its, mine = other.spec.component(options.component), component.spec
+    if (its.reads, its.latent) != (mine.reads, mine.latent):
+        raise ConfigError(
+            f"`--begin-with {options.begin_with}`: `{mine.name}` of `{other.spec.architecture}` "
+            "has another input or decoder",
+            hint="`--plug-decoder` takes the decoder of an autoencoder alone",
+        )
+    begin_with(component, other.component_weights(options.component))
 
 
 def _started_from(options: argparse.Namespace) -> Checkpoint | None:

@@ -145,6 +145,13 @@ class GraphSpec:
             )
         if any(c.memory for c in self.components[:-1]):
             raise ConfigError("only the last component can be recurrent")
+        for c in self.components:
+            if c.latent and c.backbone in DENSE:
+                raise ConfigError(
+                    f"component `{c.name}` of `{self.architecture}` has no U-Net decoder with "
+                    f"backbone `{c.backbone}`",
+                    hint="`--backbone efficientnet_lite0` has one",
+                )
         if len(self.components) > 1 and any(c.reads == "depth" for c in self.components):
             raise ConfigError("only a single component can read depth")
         if self.confidence and not self.may_have_confidence:

@@ -55,7 +55,8 @@ def like_component(component: Component, earlier: Component) -> None:
     if ours.keys() != theirs.keys():
         raise ConfigError(
             f"component `{component.spec.name}` cannot start from `{earlier.spec.name}`: "
-            f"backbones `{component.spec.backbone}` and `{earlier.spec.backbone}`"
+            f"backbones `{component.spec.backbone}` and `{earlier.spec.backbone}`, or their "
+            "decoders, differ"
         )
     for name, mine in ours.items():
         if not name.startswith("unet.segmentation_head"):
