@@ -506,6 +506,47 @@ fn a_thing_whose_depth_is_that_of_the_floor_is_found_by_its_labels_unless_depth_
     }
 }
 
+/// As a network makes a chair 1.6 times too far, and blurs its leg into the floor behind it.
+#[test]
+fn a_seat_is_brought_nearer_with_the_leg_that_stands_beside_it() {
+    let leg = Block::new((1.5, 1.6), (0.1, 0.2), (0.0, 0.4), TABLE);
+    let seat = Block::new((1.5, 1.6), (-0.2, 0.1), (0.3, 0.4), TABLE);
+    let wall = Block::new((4.5, 4.6), (-9.0, 9.0), (0.0, 2.0), WALL);
+    for x in [0.0, 0.4, -0.4] {
+        let mount = Mount::new([x, 0.0, 0.5], [0.0; 3]).unwrap();
+        let (exact_m, labels) = render(&mount, &[GROUND, wall, leg, seat]);
+        let (behind_m, _) = render(&mount, &[GROUND, wall]);
+        let blurred = |pixel: usize| match labels[pixel] {
+            TABLE => (1.6 * exact_m[pixel]).min(behind_m[pixel]),
+            _ => exact_m[pixel],
+        };
+        let depth_m: Vec<f32> = (0..PIXELS).map(blurred).collect();
+        let mut detector = detector(self::mount(0.3, 10.0), ObstacleOptions::default());
+        detector.set_mount(mount);
+        let mut seen = |confidence: u8| {
+            let confidence = vec![confidence; PIXELS];
+            let image =
+                DepthImage { depth_m: &depth_m, labels: Some(&labels), confidence: Some(&confidence) };
+            let found = detector.detect(&image, 0).unwrap();
+            // From the middle of the seat to the leg.
+            [0.0, 0.15_f32].map(|y| {
+                let angle = (y / 1.5).atan();
+                found.sectors[((angle - found.angle_min_rad) / found.angle_step_rad) as usize]
+            })
+        };
+        let too_far_m = 1.6 * (1.5 - x as f32) + x as f32;
+        let [seat, _] = seen(255);
+        assert!((seat.obstacle_m - too_far_m).abs() < 0.1, "certain depth stays: {seat:?}");
+        let [seat, leg] = seen(100);
+        for sector in [seat, leg] {
+            assert!((sector.obstacle_m - 1.5).abs() < 0.15, "camera at {x} m: {sector:?}");
+            assert_eq!(sector.label, TABLE);
+        }
+        assert!((0.25..0.45).contains(&seat.max_height_m), "the seat's true height: {seat:?}");
+        assert_eq!(leg.min_height_m, 0.0, "it stands on the floor: {leg:?}");
+    }
+}
+
 #[test]
 fn buffers_of_another_size_are_refused_by_name() {
     let mut detector = detector(mount(0.25, 0.0), ObstacleOptions::default());

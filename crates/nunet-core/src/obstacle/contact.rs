@@ -49,11 +49,6 @@ impl MinHeight {
         (options.clearance_m < min_m).then_some(Self { camera_m, min_m, measured_m })
     }
 
-    /// The camera's height, meters.
-    pub(super) fn camera_m(self) -> f32 {
-        self.camera_m
-    }
-
     /// Walks from cell to cell. A thing at the distance of a cell is as high as the camera sees it above the
     /// cell of the same direction whose tangent is less by that share of the camera's height.
     pub(super) fn nearest(self, cells: &[Cell], votes: &[Votes]) -> Option<Contact> {
@@ -61,7 +56,7 @@ impl MinHeight {
         let mut thing: Option<(f32, Contact)> = None;
         let is_high = |(_, contact): &(f32, Contact)| contact.height_m >= self.min_m;
         for (cell, vote) in cells.iter().zip(votes) {
-            if PARTS * vote.other <= cell.samples {
+            if !shows_thing(cell, vote) {
                 if thing.as_ref().is_some_and(is_high) {
                     break;
                 }
@@ -77,6 +72,12 @@ impl MinHeight {
         }
         thing.filter(is_high).map(|(_, contact)| contact)
     }
+}
+
+/// Whether a thing fills more than a part of a cell, or half of a cell of few samples: one sample may be wrong.
+fn shows_thing(cell: &Cell, vote: &Votes) -> bool {
+    let part = vote.other > 1 && PARTS * vote.other > cell.samples;
+    part || (vote.other > 0 && 2 * vote.other >= cell.samples)
 }
 
 #[cfg(test)]

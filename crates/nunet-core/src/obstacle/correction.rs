@@ -2,11 +2,13 @@
 //!
 //! Depth from one image makes near and thin things too far away, and all parts of a thing by about the same
 //! factor. Labels show where its legs stand. So what depth shows beside them, such as the seat, is brought
-//! nearer by the same factor. Nothing is moved farther away.
+//! nearer by the same factor, on its rays from the camera. Nothing is moved farther away.
 
 use nunet_types::ObstacleSector;
 
 use super::contact::{Contact, MinHeight};
+use super::directions::gap;
+use super::ground::Ground;
 use super::hits::DEPTH_OF_OBSTACLE_M;
 use super::scan::Votes;
 use super::view::View;
@@ -14,33 +16,60 @@ use super::{Mount, ObstacleOptions};
 
 /// The distance to the side over which the parts of a thing share their factor, meters: the width of a chair.
 const WIDTH_M: f32 = 0.5;
+/// A smaller factor is not shared: depth shows something behind the thing. Depth of the worst validation set
+/// is 2.4 times too far (`models/wnet_c.md`).
+const MIN_SHARED: f32 = 0.4;
+
+/// Where the camera is in this frame.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Viewpoint {
+    /// In the floor plane, from the base's origin, meters.
+    position_m: [f32; 2],
+    /// Above the ground, meters.
+    height_m: f32,
+}
 
 /// What a sector shows.
 #[derive(Debug, Clone, Copy)]
 struct Measured {
+    /// How far ahead of the base's origin the camera is in this direction, meters.
+    camera_m: f32,
     /// The distance of the nearest point from depth, meters; NaN if there is none.
     depth_m: f32,
-    /// By which factor the place where a thing stands is nearer; 1 if it is not.
+    /// By which factor the place where a thing stands is nearer to the camera; 1 if it is not.
     factor: f32,
 }
 
 /// The place where a thing stands, for each sector. Allocates once.
 #[derive(Debug, Clone)]
-pub(super) struct Contacts {
+pub(super) struct Correction {
     min_height: Option<MinHeight>,
     found: Vec<Option<Contact>>,
     measured: Vec<Measured>,
 }
 
-impl Measured {
-    fn new(depth_m: f32, contact: Option<Contact>) -> Self {
-        let factor = contact.map_or(1.0, |contact| contact.range_m / depth_m);
-        // `min` ignores NaN.
-        Self { depth_m, factor: factor.min(1.0) }
+impl Viewpoint {
+    pub(super) fn new(camera: [f32; 3], ground: &Ground) -> Self {
+        Self { position_m: [camera[0], camera[1]], height_m: ground.height_above(camera) }
     }
 }
 
-impl Contacts {
+impl Measured {
+    fn new(camera_m: f32, depth_m: f32, contact: Option<Contact>) -> Self {
+        let is_nearer = |contact: &Contact| camera_m < contact.range_m && contact.range_m < depth_m;
+        let ratio = |contact: Contact| (contact.range_m - camera_m) / (depth_m - camera_m);
+        Self { camera_m, depth_m, factor: contact.filter(is_nearer).map_or(1.0, ratio) }
+    }
+
+    /// The distance from the base's origin after the correction, meters. A camera behind the origin may see
+    /// something there.
+    fn moved_m(self, factor: f32) -> f32 {
+        let moved_m = self.camera_m + factor * (self.depth_m - self.camera_m);
+        if moved_m < 0.0 { 0.0 } else { moved_m }
+    }
+}
+
+impl Correction {
     pub(super) fn new(mount: &Mount, options: &ObstacleOptions) -> Self {
         Self {
             min_height: MinHeight::new(mount, options),
@@ -54,46 +83,80 @@ impl Contacts {
         self.min_height = MinHeight::new(mount, options);
     }
 
-    /// Finds where things stand, and brings the obstacles nearer that depth shows in `sectors`. Their labels
-    /// stay.
-    pub(super) fn correct(&mut self, view: &View, votes: &[Votes], sectors: &mut [ObstacleSector]) {
-        self.found.clear();
+    /// Adds where things stand to `sectors`, and brings the obstacles beside them nearer that depth shows.
+    pub(super) fn apply(
+        &mut self,
+        view: &View,
+        votes: &[Votes],
+        camera: Viewpoint,
+        sectors: &mut [ObstacleSector],
+    ) {
         let Some(min_height) = self.min_height else { return };
-        let cells = (0..sectors.len()).map(|sector| view.cells_of(sector));
-        self.found.extend(cells.map(|cells| min_height.nearest(&view.cells[cells.clone()], &votes[cells])));
-        let seen = sectors.iter().zip(&self.found);
-        self.measured.clear();
-        self.measured.extend(seen.map(|(sector, contact)| Measured::new(sector.obstacle_m, *contact)));
+        self.find(min_height, view, votes, camera, sectors);
         for (index, sector) in sectors.iter_mut().enumerate() {
+            let measured = self.measured[index];
+            let stands_here = self.found[index]
+                .is_some_and(|contact| take(sector, contact, gap(contact.range_m, view.cell_growth)));
             let factor = self.factor(index, view.sectors.angle_step_rad);
-            if factor < 1.0 {
-                move_along_rays(sector, factor, min_height.camera_m());
+            let moved_m = measured.moved_m(factor);
+            if moved_m < sector.obstacle_m {
+                sector.obstacle_m = moved_m;
+                if !stands_here {
+                    move_heights(sector, factor, camera.height_m);
+                }
             }
         }
     }
 
-    /// Where a thing stands in a sector.
-    pub(super) fn of(&self, sector: usize) -> Option<Contact> {
-        self.found.get(sector).copied().flatten()
+    /// Finds where things stand, and compares that with depth.
+    fn find(
+        &mut self,
+        min_height: MinHeight,
+        view: &View,
+        votes: &[Votes],
+        Viewpoint { position_m: [x, y], .. }: Viewpoint,
+        sectors: &[ObstacleSector],
+    ) {
+        let cells = (0..sectors.len()).map(|sector| view.cells_of(sector));
+        self.found.clear();
+        self.found.extend(cells.map(|cells| min_height.nearest(&view.cells[cells.clone()], &votes[cells])));
+        self.measured.clear();
+        self.measured.extend(sectors.iter().zip(&self.found).enumerate().map(
+            |(index, (sector, contact))| {
+                let [ahead_x, ahead_y] = view.sectors.middle(index);
+                Measured::new(ahead_x * x + ahead_y * y, sector.obstacle_m, *contact)
+            },
+        ));
     }
 
-    /// The smallest factor of the sectors beside this one that show something about as far away.
+    /// The smallest factor of this sector, and of those beside it that show something about as far away.
     fn factor(&self, sector: usize, angle_step_rad: f32) -> f32 {
-        let depth_m = self.measured[sector].depth_m;
+        let own = self.measured[sector];
         // Casts saturate, and NaN becomes 0.
-        let reach = (WIDTH_M / (depth_m * angle_step_rad)) as usize;
+        let reach = (WIDTH_M / (own.depth_m * angle_step_rad)) as usize;
         let end = sector.saturating_add(reach).saturating_add(1).min(self.measured.len());
         self.measured[sector.saturating_sub(reach)..end]
             .iter()
-            .filter(|beside| (beside.depth_m - depth_m).abs() <= DEPTH_OF_OBSTACLE_M)
-            .fold(1.0, |factor, beside| beside.factor.min(factor))
+            .filter(|beside| (beside.depth_m - own.depth_m).abs() <= DEPTH_OF_OBSTACLE_M)
+            .filter(|beside| beside.factor >= MIN_SHARED)
+            .fold(own.factor, |factor, beside| beside.factor.min(factor))
     }
 }
 
-/// Moves an obstacle nearer to the camera. Its heights approach that of the camera, meters.
-fn move_along_rays(sector: &mut ObstacleSector, factor: f32, camera_m: f32) {
+/// Takes a thing that the labels show, if no obstacle is nearer or about as far away, meters: depth is finer
+/// than cells. Whether it was taken.
+fn take(sector: &mut ObstacleSector, Contact { range_m, height_m, label }: Contact, gap_m: f32) -> bool {
+    let is_new = sector.obstacle_m.is_nan() || sector.obstacle_m > range_m + gap_m;
+    if is_new {
+        (sector.obstacle_m, sector.label) = (range_m, label);
+        (sector.min_height_m, sector.max_height_m) = (0.0, height_m);
+    }
+    is_new
+}
+
+/// Heights of an obstacle that moves nearer to a camera at `camera_m` above ground, meters.
+fn move_heights(sector: &mut ObstacleSector, factor: f32, camera_m: f32) {
     let moved = |height_m: f32| camera_m + factor * (height_m - camera_m);
-    sector.obstacle_m *= factor;
     sector.min_height_m = moved(sector.min_height_m);
     sector.max_height_m = moved(sector.max_height_m);
 }
@@ -103,34 +166,58 @@ mod tests {
     use super::*;
 
     const STEP_RAD: f32 = 0.1;
+    const NONE: f32 = f32::NAN;
 
     /// The factor of each sector, for these distances of points and of places where something stands.
     fn factors(seen: &[(f32, f32)]) -> Vec<f32> {
         let mount = Mount::new([0.0, 0.0, 0.5], [0.0; 3]).unwrap();
-        let mut contacts = Contacts::new(&mount, &ObstacleOptions::default());
-        contacts.measured.extend(seen.iter().map(|&(depth_m, range_m)| {
-            let contact = Contact { range_m, height_m: 0.2, label: 3 };
-            Measured::new(depth_m, range_m.is_finite().then_some(contact))
-        }));
-        (0..seen.len()).map(|sector| contacts.factor(sector, STEP_RAD)).collect()
+        let mut correction = Correction::new(&mount, &ObstacleOptions::default());
+        correction.measured.extend(seen.iter().map(|&(depth_m, range_m)| measured(0.0, depth_m, range_m)));
+        (0..seen.len()).map(|sector| correction.factor(sector, STEP_RAD)).collect()
+    }
+
+    fn measured(camera_m: f32, depth_m: f32, range_m: f32) -> Measured {
+        let contact = Contact { range_m, height_m: 0.2, label: 3 };
+        Measured::new(camera_m, depth_m, range_m.is_finite().then_some(contact))
     }
 
     #[test]
     fn a_seat_is_as_much_nearer_as_the_legs_beside_it() {
-        const NONE: f32 = f32::NAN;
         let chair = [(2.0, 1.0), (2.1, NONE), (2.2, NONE), (2.0, 1.5), (2.0, NONE)];
         assert_eq!(factors(&chair), [0.5, 0.5, 0.5, 0.75, 0.75], "0.5 m are two sectors at 2 m");
         assert_eq!(factors(&[(2.0, 1.0), (2.5, NONE)]), [0.5, 1.0], "the wall behind it");
         assert_eq!(factors(&[(2.0, 1.0), (NONE, NONE)]), [0.5, 1.0], "nothing to move");
         assert_eq!(factors(&[(NONE, 1.0), (2.0, NONE)]), [1.0, 1.0], "no depth to compare with");
         assert_eq!(factors(&[(2.0, 2.5), (2.0, NONE)]), [1.0, 1.0], "never farther");
+        assert_eq!(factors(&[(2.0, 0.5), (2.0, NONE)]), [0.25, 1.0], "depth shows what is behind the thing");
+    }
+
+    #[test]
+    fn distances_shrink_toward_the_camera() {
+        // The camera is 0.3 m ahead of the base's origin.
+        let leg = measured(0.3, 0.8, 0.5);
+        assert!((leg.factor - 0.4).abs() < 1e-6, "{leg:?}");
+        assert!((measured(0.3, 1.0, NONE).moved_m(leg.factor) - 0.58).abs() < 1e-6);
+        assert_eq!(measured(0.6, 0.8, 0.5).factor, 1.0, "behind the camera");
+        assert_eq!(measured(-0.4, 0.3, NONE).moved_m(0.5), 0.0, "between the camera and the origin");
+    }
+
+    #[test]
+    fn a_thing_counts_if_depth_shows_nothing_about_as_near() {
+        let thing = Contact { range_m: 1.0, height_m: 0.2, label: 3 };
+        for (obstacle_m, expected_m) in [(NONE, 1.0), (2.0, 1.0), (1.05, 1.05), (0.5, 0.5)] {
+            let mut sector = ObstacleSector { obstacle_m, label: 7, ..ObstacleSector::UNKNOWN };
+            let is_new = take(&mut sector, thing, 0.1);
+            assert_eq!(sector.obstacle_m, expected_m);
+            assert_eq!((sector.label, is_new), if expected_m == 1.0 { (3, true) } else { (7, false) });
+        }
     }
 
     #[test]
     fn what_is_moved_stays_on_its_rays() {
         let unknown = ObstacleSector::UNKNOWN;
-        let mut seat = ObstacleSector { obstacle_m: 2.0, min_height_m: 0.25, max_height_m: 0.75, ..unknown };
-        move_along_rays(&mut seat, 0.5, 0.25);
-        assert_eq!((seat.obstacle_m, seat.min_height_m, seat.max_height_m), (1.0, 0.25, 0.5));
+        let mut seat = ObstacleSector { min_height_m: 0.25, max_height_m: 0.75, ..unknown };
+        move_heights(&mut seat, 0.5, 0.25);
+        assert_eq!((seat.min_height_m, seat.max_height_m), (0.25, 0.5));
     }
 }

@@ -2,8 +2,7 @@
 
 use nunet_types::{ObstacleSector, SectorState};
 
-use super::contact::Contact;
-use super::contacts::Contacts;
+use super::correction::{Correction, Viewpoint};
 use super::hits::Hits;
 use super::scan::Votes;
 use super::sectors::Sectors;
@@ -44,18 +43,15 @@ pub(super) fn fill(
     votes: &[Votes],
     hits: &mut Hits,
     max_range_m: f32,
-    contacts: &mut Contacts,
+    (correction, camera): (&mut Correction, Viewpoint),
     sectors: &mut [ObstacleSector],
 ) {
     hits.fill(sectors);
-    contacts.correct(view, votes, sectors);
+    correction.apply(view, votes, camera, sectors);
     for (index, sector) in sectors.iter_mut().enumerate() {
         let cells = view.cells_of(index);
         let (seen, votes) = (&view.cells[cells.clone()], &votes[cells.clone()]);
         let floor = free_floor(seen, votes);
-        if let Some(contact) = contacts.of(index) {
-            add(sector, contact, view.cell_growth);
-        }
         let near_m = view.cells[cells].first().map_or(f32::NAN, |cell| cell.near_m);
         let in_view = view.extents[index].limit(near_m, view.cell_growth);
         sector.seen_from_m = in_view.from_m;
@@ -65,17 +61,8 @@ pub(super) fn fill(
     }
 }
 
-/// Takes a thing that the labels show, if no obstacle is nearer or about as far away: depth is finer than
-/// cells.
-fn add(sector: &mut ObstacleSector, Contact { range_m, height_m, label }: Contact, cell_growth: f32) {
-    if sector.obstacle_m.is_nan() || sector.obstacle_m > range_m + gap(range_m, cell_growth) {
-        (sector.obstacle_m, sector.label) = (range_m, label);
-        (sector.min_height_m, sector.max_height_m) = (0.0, height_m);
-    }
-}
-
 /// By how much the end of the free floor may differ from an obstacle, meters.
-fn gap(obstacle_m: f32, cell_growth: f32) -> f32 {
+pub(super) fn gap(obstacle_m: f32, cell_growth: f32) -> f32 {
     GAP_M + GAP_CELLS * cell_growth * obstacle_m.min(100.0).powi(2)
 }
 
@@ -228,17 +215,6 @@ mod tests {
         };
         assert_eq!(free_m(1), FreeFloor { free_m: 1.0, end: End::OutOfRange });
         assert_eq!(free_m(2), FreeFloor { free_m: 0.0, end: End::Covered });
-    }
-
-    #[test]
-    fn a_thing_counts_if_depth_shows_nothing_about_as_near() {
-        let thing = Contact { range_m: 1.0, height_m: 0.2, label: 3 };
-        for (obstacle_m, expected_m) in [(f32::NAN, 1.0), (2.0, 1.0), (1.1, 1.1), (0.5, 0.5)] {
-            let mut sector = ObstacleSector { obstacle_m, max_height_m: 0.9, ..ObstacleSector::UNKNOWN };
-            add(&mut sector, thing, 0.01);
-            assert_eq!(sector.obstacle_m, expected_m);
-            assert_eq!(sector.max_height_m == 0.2, expected_m == 1.0);
-        }
     }
 
     #[test]

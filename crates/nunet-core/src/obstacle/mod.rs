@@ -49,7 +49,7 @@
 
 mod collect;
 mod contact;
-mod contacts;
+mod correction;
 mod directions;
 mod error;
 mod extent;
@@ -73,7 +73,7 @@ pub use nunet_types::{ObstacleMap, ObstaclePoint, ObstacleSector, SectorState};
 pub use options::ObstacleOptions;
 
 use collect::Collector;
-use contacts::Contacts;
+use correction::{Correction, Viewpoint};
 use directions::Memory;
 use ground::GroundFit;
 use kind::Bounds;
@@ -141,7 +141,7 @@ pub struct ObstacleDetector {
     last_sectors: Sectors,
     scan: Scan,
     ground: GroundFit,
-    contacts: Contacts,
+    correction: Correction,
     collector: Collector,
     memory: Memory,
     obstacles: Obstacles,
@@ -176,7 +176,7 @@ impl ObstacleDetector {
             roles: Roles::new(classes),
             scan: Scan::new(&view, mount.position_m()),
             ground: GroundFit::new(&mount, &options),
-            contacts: Contacts::new(&mount, &options),
+            correction: Correction::new(&mount, &options),
             collector: Collector::new(&view),
             memory: Memory::new(options.hold_s, options.sectors),
             obstacles,
@@ -196,7 +196,7 @@ impl ObstacleDetector {
         self.memory.turn(&self.last_sectors, &self.view.sectors);
         self.scan.set_mount(&self.view, mount.position_m());
         self.ground.set_mount(&mount);
-        self.contacts.set_mount(&mount, &self.options);
+        self.correction.set_mount(&mount, &self.options);
         self.obstacles.angle_min_rad = self.view.sectors.angle_min_rad;
         self.obstacles.angle_step_rad = self.view.sectors.angle_step_rad;
     }
@@ -248,7 +248,8 @@ impl ObstacleDetector {
         let sectors = &mut self.obstacles.sectors;
         let max_range_m = self.options.max_range_m;
         let hits = &mut self.collector.hits;
-        directions::fill(&self.view, &self.scan.votes, hits, max_range_m, &mut self.contacts, sectors);
+        let correction = (&mut self.correction, Viewpoint::new(self.scan.camera, &ground));
+        directions::fill(&self.view, &self.scan.votes, hits, max_range_m, correction, sectors);
         self.memory.update(&mut self.obstacles.sectors, time_nanos);
         Ok(&self.obstacles)
     }
