@@ -74,7 +74,8 @@ impl MinHeight {
     }
 }
 
-/// Whether a thing fills more than a part of a cell, or half of a cell of few samples: one sample may be wrong.
+/// Whether a thing fills more than a part of a cell, or half of a cell of few samples: one of them may be
+/// wrong.
 fn shows_thing(cell: &Cell, vote: &Votes) -> bool {
     let part = vote.other > 1 && PARTS * vote.other > cell.samples;
     part || (vote.other > 0 && 2 * vote.other >= cell.samples)

@@ -7,9 +7,8 @@
 use nunet_types::ObstacleSector;
 
 use super::contact::{Contact, MinHeight};
-use super::directions::gap;
 use super::ground::Ground;
-use super::hits::DEPTH_OF_OBSTACLE_M;
+use super::hits::{DEPTH_OF_OBSTACLE_M, gap};
 use super::scan::Votes;
 use super::view::View;
 use super::{Mount, ObstacleOptions};

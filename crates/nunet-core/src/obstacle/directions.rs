@@ -3,14 +3,10 @@
 use nunet_types::{ObstacleSector, SectorState};
 
 use super::correction::{Correction, Viewpoint};
-use super::hits::Hits;
+use super::hits::{GAP_M, Hits, gap};
 use super::scan::Votes;
 use super::sectors::Sectors;
 use super::view::{Cell, View};
-
-/// Free floor may end before its obstacle by this many meters plus this many cells.
-const GAP_M: f32 = 0.1;
-const GAP_CELLS: f32 = 3.0;
 
 /// Where the free floor of a sector ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -59,11 +55,6 @@ pub(super) fn fill(
         let (state, range_m) = conclude(sector, floor, view.cell_growth, max_range_m);
         (sector.state, sector.range_m) = (state.into(), range_m);
     }
-}
-
-/// By how much the end of the free floor may differ from an obstacle, meters.
-pub(super) fn gap(obstacle_m: f32, cell_growth: f32) -> f32 {
-    GAP_M + GAP_CELLS * cell_growth * obstacle_m.min(100.0).powi(2)
 }
 
 /// Walks from cell to cell as long as each shows mostly floor. A cell that is mostly labeled as a thing does

@@ -4,6 +4,9 @@ use nunet_types::{NO_LABEL, ObstacleSector};
 
 /// Points of an obstacle are at most this much farther than its nearest one, meters.
 pub(super) const DEPTH_OF_OBSTACLE_M: f32 = 0.3;
+/// Free floor may end before its obstacle by this many meters plus this many cells.
+pub(super) const GAP_M: f32 = 0.1;
+const GAP_CELLS: f32 = 3.0;
 
 /// A point that may belong to the nearest obstacle of its sector.
 #[derive(Debug, Clone, Copy)]
@@ -111,6 +114,11 @@ impl Hits {
             *sector = nearest.sector();
         }
     }
+}
+
+/// By how much the end of the free floor may differ from an obstacle, meters.
+pub(super) fn gap(obstacle_m: f32, cell_growth: f32) -> f32 {
+    GAP_M + GAP_CELLS * cell_growth * obstacle_m.min(100.0).powi(2)
 }
 
 #[cfg(test)]
