@@ -57,12 +57,6 @@ impl Ground {
     pub fn height_above(&self, [x, y, z]: [f32; 3]) -> f32 {
         z - self.slope_x * x - self.slope_y * y - self.height_m
     }
-
-    /// The slope, degrees.
-    #[must_use]
-    pub fn slope_deg(&self) -> f32 {
-        self.slope_x.hypot(self.slope_y).atan().to_degrees()
-    }
 }
 
 /// Fits the ground of each frame. Allocates once.
@@ -231,7 +225,8 @@ mod tests {
         assert_eq!(fit().fit(table), Ground::EXPECTED);
         let wall = grid(40).map(|(x, y)| [2.0, y, x - 0.5]);
         let ground = fit().fit(wall);
-        assert!(ground.slope_deg() < 1.5 && ground.height_m.abs() < 0.02, "{ground:?}");
+        let slope_deg = ground.slope_x.hypot(ground.slope_y).atan().to_degrees();
+        assert!(slope_deg < 1.5 && ground.height_m.abs() < 0.02, "{ground:?}");
     }
 
     #[test]
