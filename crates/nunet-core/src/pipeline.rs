@@ -234,7 +234,7 @@ impl Pipeline {
 
     /// Marks a discontinuity: the next frame does not continue the stream. State starts with zeros, every
     /// stage runs, and the temporal filter starts again. The scale from the floor is kept, because the camera
-    /// is the same.
+    /// is the same; [`Self::reset_with_scale`] discards it too.
     ///
     /// The caller decides when a discontinuity occurs.
     pub fn reset(&mut self) {
@@ -243,9 +243,9 @@ impl Pipeline {
         self.stability.reset();
     }
 
-    /// Makes the next frame independent of all earlier ones: [`Self::reset`], and the scale from the floor is
-    /// forgotten.
-    pub fn forget(&mut self) {
+    /// Makes the next frame independent of all earlier ones: [`Self::reset`], and the scale from the floor
+    /// starts again.
+    pub fn reset_with_scale(&mut self) {
         self.reset();
         self.decoder.forget_floor();
     }

@@ -213,7 +213,7 @@ impl Model {
             self.camera = camera;
         }
         if !keep_state {
-            self.pipeline.forget();
+            self.pipeline.reset_with_scale();
         }
         self.runs += 1;
         let pixels = self.pipeline.size().pixel_count();

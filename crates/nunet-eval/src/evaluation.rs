@@ -215,7 +215,7 @@ impl Evaluation {
         self.dataset.image(id, &mut self.frame, on_event)?;
         let mut truth = self.dataset.truth(id, Some(self.frame.size))?;
         if !self.is_clip {
-            self.pipeline.forget();
+            self.pipeline.reset_with_scale();
         }
         on_event(Event::Camera(self.camera.update(&self.frame, &mut self.pipeline)?));
         if let Some(mounts) = &self.mounts {
@@ -292,7 +292,7 @@ impl Evaluation {
         let errors: Vec<f64> = self.rows.iter().map(ImageRow::error).collect();
         let chosen = chosen(&errors);
         let mut strips = vec![None; chosen.len()];
-        self.pipeline.forget();
+        self.pipeline.reset_with_scale();
         for id in &self.dataset.ids.clone() {
             let is_this = |&(_, place): &(&str, usize)| self.rows[place].id == *id;
             if let Some(index) = chosen.iter().position(is_this) {

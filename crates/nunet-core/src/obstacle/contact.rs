@@ -1,4 +1,4 @@
-//! Where a thing stands on the floor, by labels alone.
+//! Where a thing stands on the floor, by labels of samples whose depth is uncertain.
 //!
 //! In the image, a thing begins where the floor before it ends. On level floor, that place has a known
 //! distance, which does not depend on depth. So things are found whose depth is wrong, such as thin legs that

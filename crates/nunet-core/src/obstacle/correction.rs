@@ -1,8 +1,9 @@
 //! Corrects distances from depth by the places where things stand.
 //!
 //! Depth from one image makes near and thin things too far away, and all parts of a thing by about the same
-//! factor. Labels show where its legs stand. So what depth shows beside them, such as the seat, is brought
-//! nearer by the same factor, on its rays from the camera. Nothing is moved farther away.
+//! factor. Labels show where its legs stand, if the confidence says that depth is uncertain there. So what
+//! depth shows beside them, such as the seat, is brought nearer by the same factor, on its rays from the
+//! camera. Nothing is moved farther away. Without labels or confidence, nothing is corrected.
 
 use nunet_types::ObstacleSector;
 

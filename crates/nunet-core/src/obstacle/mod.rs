@@ -10,8 +10,8 @@
 //! 3. *Obstacle points*: isolated samples and those on a depth edge are removed, the others are reduced to
 //!    one per cube.
 //! 4. *Sectors*: in each direction the floor must be seen cell by cell, from near to far. Its end decides the
-//!    state. Labels show where a thing stands on the floor, also if its depth is wrong, and correct the depth
-//!    beside it.
+//!    state. Labels of samples with uncertain depth show where a thing stands on the floor, also if its depth
+//!    is wrong, and correct the depth beside it. This needs both labels and confidence.
 //!
 //! Images wider than 320 pixels are sampled at each second, third, ... column and row.
 //!
@@ -91,7 +91,8 @@ pub struct DepthImage<'a> {
     pub depth_m: &'a [f32],
     /// Class indices. Without labels, floor is recognized by its position alone, and glass is not recognized.
     pub labels: Option<&'a [u8]>,
-    /// Confidence of depth, 255 = certain.
+    /// Confidence of depth, 255 = certain. Without it no depth counts as uncertain, and labels do not show
+    /// where things stand.
     pub confidence: Option<&'a [u8]>,
 }
 

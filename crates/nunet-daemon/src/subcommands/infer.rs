@@ -206,7 +206,7 @@ impl Work {
         let ready_nanos = MonotonicClock.nanos();
         warn_of_camera(&self.camera.update(&self.frame, &mut self.pipeline)?);
         // The images are independent.
-        self.pipeline.forget();
+        self.pipeline.reset_with_scale();
         let report = self.pipeline.process(&self.frame.view()?, self.buffers.outputs(), &MonotonicClock)?;
         nunet_sink::empty_depth::EmptyDepthWarning::default().check(0, &report, self.pipeline.size());
         let done_nanos = MonotonicClock.nanos();

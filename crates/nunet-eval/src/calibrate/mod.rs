@@ -259,7 +259,7 @@ impl Calibrator {
     fn predict(&mut self, frame: &Frame) -> Result<CameraNews, CalibrateError> {
         let news = self.resolver.update(frame, &mut self.pipeline)?;
         self.camera = self.resolver.resolve(frame)?;
-        self.pipeline.forget();
+        self.pipeline.reset_with_scale();
         let labels = (!self.labels.is_empty()).then_some(&mut self.labels[..]);
         let outputs = Outputs { depth_m: &mut self.depth_m, labels, confidence: None, cloud: None };
         self.pipeline.process(&frame.view()?, outputs, &|| 0)?;
