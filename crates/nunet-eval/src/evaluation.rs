@@ -4,7 +4,7 @@ use std::path::Path;
 
 use image::RgbImage;
 use nunet_core::depth::DepthKind;
-use nunet_core::obstacle::DepthImage;
+use nunet_core::obstacle::{DepthImage, Mount};
 use nunet_core::pipeline::{Outputs, Pipeline};
 use nunet_engine::ModelName;
 use nunet_files::{make_folder, write_json, write_rgb};
@@ -72,8 +72,7 @@ impl Evaluator {
         }
         let baseline = baseline.with_images(&options, &dataset, on_event)?;
         let obstacles = obstacles(&options, &pipeline)?;
-        let mounts = pipeline.mount().map(|mount| ImageMounts::new(&options.dataset, Some(mount)));
-        let mounts = mounts.transpose()?;
+        let mounts = mounts(&options, &pipeline)?;
         let mut evaluation = Evaluation::new(options, dataset, pipeline, camera, baseline);
         evaluation.obstacles = obstacles;
         evaluation.mounts = mounts;
@@ -99,9 +98,11 @@ pub struct Evaluation {
     confusion: LabelMetrics,
     sparsification: Sparsification,
     baseline: Option<Baseline>,
-    obstacles: Option<(ImageMounts, ObstacleComparison)>,
-    /// The mounts for the scale from the floor.
-    mounts: Option<ImageMounts>,
+    obstacles: Option<ObstacleComparison>,
+    /// The mounts for obstacles and for the scale from the floor.
+    mounts: ImageMounts,
+    /// For the scale, the mount of images without one of their own; `None` if the floor is not used.
+    scale_mount: Option<Mount>,
     rows: Vec<ImageRow>,
     skipped: u64,
 }
@@ -135,13 +136,14 @@ impl Evaluation {
             sparsification: Sparsification::default(),
             rows: Vec::new(),
             skipped: dataset.unpaired,
+            obstacles: None,
+            mounts: ImageMounts::default(),
+            scale_mount: pipeline.mount(),
             options,
             dataset,
             pipeline,
             camera,
             baseline,
-            obstacles: None,
-            mounts: None,
         }
     }
 
@@ -200,7 +202,7 @@ impl Evaluation {
         truth: &Truth,
         predicted: &Prediction,
     ) -> Result<(), EvalError> {
-        let Some((mounts, comparison)) = &mut self.obstacles else { return Ok(()) };
+        let Some(comparison) = &mut self.obstacles else { return Ok(()) };
         let view = self.pipeline.framing().view();
         let of_view = self.pipeline.points_camera().scaled_to(view.width, view.height)?;
         let camera = of_view.padded(view, truth.size);
@@ -208,7 +210,8 @@ impl Evaluation {
         let confidence = predicted.confidence.as_deref();
         let truth = DepthImage { depth_m: &truth.depth_m, labels: truth.labels.as_deref(), confidence: None };
         let predicted = DepthImage { depth_m: &predicted.depth, labels, confidence };
-        comparison.add(&camera, mounts.of(id)?, [truth, predicted])
+        let mount = self.mounts.of(id, self.options.obstacles.and_then(|obstacles| obstacles.mount))?;
+        comparison.add(&camera, mount, [truth, predicted])
     }
 
     fn predict(&mut self, id: &str, on_event: OnEvent<'_>) -> Result<(Truth, Prediction), EvalError> {
@@ -218,8 +221,8 @@ impl Evaluation {
             self.pipeline.reset_with_scale();
         }
         on_event(Event::Camera(self.camera.update(&self.frame, &mut self.pipeline)?));
-        if let Some(mounts) = &self.mounts {
-            self.pipeline.set_mount(mounts.of(id)?);
+        if self.scale_mount.is_some() {
+            self.pipeline.set_mount(self.mounts.of(id, self.scale_mount)?);
         }
         let labels = (!self.labels.is_empty()).then_some(&mut self.labels[..]);
         let outputs = Outputs { depth_m: &mut self.depth, labels, confidence: None, cloud: None };
@@ -267,7 +270,7 @@ impl Evaluation {
             self.baseline.as_ref(),
         )
         .with_sparsification(self.sparsification.scores())
-        .with_obstacles(self.obstacles.as_ref().map(|(_, comparison)| comparison.scores()))
+        .with_obstacles(self.obstacles.as_ref().map(ObstacleComparison::scores))
     }
 
     /// Writes [`FILES`] into `folder`, which is created if it is
@@ -321,16 +324,21 @@ impl Evaluation {
 }
 
 /// The comparison of obstacles, if it was requested.
-fn obstacles(
-    options: &EvalOptions,
-    pipeline: &Pipeline,
-) -> Result<Option<(ImageMounts, ObstacleComparison)>, EvalError> {
-    let Some(ObstacleEval { mount, options: how }) = options.obstacles else { return Ok(None) };
+fn obstacles(options: &EvalOptions, pipeline: &Pipeline) -> Result<Option<ObstacleComparison>, EvalError> {
+    let Some(ObstacleEval { options: how, .. }) = options.obstacles else { return Ok(None) };
     if pipeline.scale().units != Units::Metre {
         return Err(EvalError::NoMeters);
     }
-    let mounts = ImageMounts::new(&options.dataset, mount)?;
-    Ok(Some((mounts, ObstacleComparison::new(how, &pipeline.graph().description().classes))))
+    Ok(Some(ObstacleComparison::new(how, &pipeline.graph().description().classes)))
+}
+
+/// The mounts of the images, if obstacles or the scale need them. The file is read once for both.
+fn mounts(options: &EvalOptions, pipeline: &Pipeline) -> Result<ImageMounts, EvalError> {
+    if options.obstacles.is_none() && pipeline.mount().is_none() {
+        return Ok(ImageMounts::default());
+    }
+    let are_required = options.obstacles.is_some_and(|obstacles| obstacles.mount.is_none());
+    ImageMounts::read(&options.dataset, are_required)
 }
 
 /// The last part of the dataset's path.

@@ -24,27 +24,23 @@ struct MountRow {
     yaw: f64,
 }
 
-/// The camera's mounts.
-#[derive(Debug)]
-pub(crate) struct ImageMounts {
-    /// The mount of all images without a row.
-    all: Option<Mount>,
-    by_id: BTreeMap<String, Mount>,
-}
+/// The camera's mounts by the images' ids.
+#[derive(Debug, Default)]
+pub(crate) struct ImageMounts(BTreeMap<String, Mount>);
 
 impl ImageMounts {
-    /// The mounts of the dataset in `root`; `all` is for images without a row.
-    pub(crate) fn new(root: &Path, all: Option<Mount>) -> Result<Self, EvalError> {
+    /// Reads the mounts of the dataset in `root`. Without any it is an error only if they are required.
+    pub(crate) fn read(root: &Path, are_required: bool) -> Result<Self, EvalError> {
         let by_id = read(root)?;
-        if by_id.is_empty() && all.is_none() {
+        if are_required && by_id.is_empty() {
             return Err(EvalError::NoMount { path: root.to_owned() });
         }
-        Ok(Self { all, by_id })
+        Ok(Self(by_id))
     }
 
-    /// The mount for an image.
-    pub(crate) fn of(&self, id: &str) -> Result<Mount, EvalError> {
-        let mount = self.by_id.get(id).copied().or(self.all);
+    /// The mount for an image; `all` is that of images without a row.
+    pub(crate) fn of(&self, id: &str, all: Option<Mount>) -> Result<Mount, EvalError> {
+        let mount = self.0.get(id).copied().or(all);
         mount.ok_or_else(|| EvalError::NoMountOfImage { id: id.to_owned() })
     }
 }
@@ -77,6 +73,26 @@ mod tests {
             read_text("id,x,y,z,roll,pitch,yaw\na,0,0,0.25,0,-0.07,0\n b , 0, 0, 1.2, 0.1, 0, 0\n").unwrap();
         assert_eq!((mounts.len(), mounts["b"].height_m()), (2, 1.2));
         assert!(read(tempfile::tempdir().unwrap().path()).unwrap().is_empty());
+    }
+
+    #[test]
+    fn the_mount_of_all_images_is_for_those_without_a_row() {
+        let mount = |height_m| Mount::new([0.0, 0.0, height_m], [0.0; 3]).unwrap();
+        let mounts = ImageMounts(BTreeMap::from([("a".to_owned(), mount(0.25))]));
+        for all in [None, Some(mount(1.0))] {
+            assert_eq!(mounts.of("a", all).unwrap(), mount(0.25));
+        }
+        assert_eq!(mounts.of("b", Some(mount(1.0))).unwrap(), mount(1.0));
+        let error = mounts.of("b", None).unwrap_err();
+        assert!(matches!(&error, EvalError::NoMountOfImage { id } if id == "b"), "{error}");
+    }
+
+    #[test]
+    fn a_dataset_without_mounts_is_refused_only_if_they_are_required() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(ImageMounts::read(folder.path(), false).unwrap().0.is_empty());
+        let error = ImageMounts::read(folder.path(), true).unwrap_err();
+        assert!(matches!(&error, EvalError::NoMount { path } if path == folder.path()), "{error}");
     }
 
     #[test]
