@@ -32,8 +32,6 @@ pub struct ObstacleStage {
     classes: Vec<String>,
     /// For the camera of the last frame.
     detector: Option<(Camera, ObstacleDetector)>,
-    /// Memory for labels that no reader and no sink needs.
-    labels: Vec<u8>,
     /// Whether the detector has another mount than the configuration.
     has_new_mount: bool,
     mount_check: MountCheck,
@@ -47,8 +45,7 @@ impl ObstacleStage {
             return None;
         }
         let graph = pipeline.graph();
-        let labels = if graph.has_labels() { pipeline.size().pixel_count() } else { 0 };
-        if labels == 0 {
+        if !graph.has_labels() {
             info!("the model has no labels: floor is detected by geometry only, and glass is not detected");
         }
         let classes = graph.description().classes.clone();
@@ -56,7 +53,6 @@ impl ObstacleStage {
             config,
             classes,
             detector: None,
-            labels: vec![0; labels],
             has_new_mount: false,
             mount_check: MountCheck::default(),
         })
@@ -73,13 +69,8 @@ impl ObstacleStage {
         (self.config.mount, self.has_new_mount) = (mount, true);
     }
 
-    /// Memory for labels, if the network has labels.
-    pub fn spare_labels(&mut self) -> Option<&mut [u8]> {
-        (!self.labels.is_empty()).then_some(&mut self.labels)
-    }
-
-    /// Finds the obstacles of a frame of `camera`. Its labels are in the memory of [`Self::spare_labels`] if
-    /// `image` has none.
+    /// Finds the obstacles of a frame of `camera`. If the network has labels, `image` must have those of this
+    /// frame. `now` limits the rate of warnings.
     ///
     /// # Errors
     /// Buffers of another size than the camera's image.
@@ -89,8 +80,9 @@ impl ObstacleStage {
     pub fn detect(
         &mut self,
         camera: &Camera,
-        image: DepthImage<'_>,
+        image: &DepthImage<'_>,
         capture_nanos: i64,
+        now: Instant,
     ) -> Result<&Obstacles, ObstacleError> {
         let is_known = self.detector.as_ref().is_some_and(|(known, _)| known == camera);
         if !is_known {
@@ -100,10 +92,8 @@ impl ObstacleStage {
         if std::mem::take(&mut self.has_new_mount) && is_known {
             detector.set_mount(self.config.mount);
         }
-        let labels = image.labels.or((!self.labels.is_empty()).then_some(&self.labels));
-        let image = DepthImage { labels, ..image };
-        detector.detect(&image, capture_nanos)?;
-        self.mount_check.check(detector, &self.config.mount, &image, Instant::now());
+        detector.detect(image, capture_nanos)?;
+        self.mount_check.check(detector, &self.config.mount, image, now);
         Ok(detector.last())
     }
 

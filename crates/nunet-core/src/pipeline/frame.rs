@@ -7,6 +7,7 @@ use crate::cloud::CloudPoint;
 use crate::depth::{Scale, ScaleSource, Units};
 use crate::filter::Decimation;
 use crate::graph::{GraphError, GraphOutputs, Quality, SerialGraph, StageTimes};
+use crate::obstacle::DepthImage;
 use crate::stability::StabilityChange;
 
 /// Buffers of the caller for the results of a frame.
@@ -25,6 +26,26 @@ pub struct Outputs<'a> {
 }
 
 impl Outputs<'_> {
+    /// The same memory, borrowed for a shorter time.
+    #[must_use]
+    pub fn reborrow(&mut self) -> Outputs<'_> {
+        Outputs {
+            depth_m: &mut *self.depth_m,
+            labels: self.labels.as_deref_mut(),
+            confidence: self.confidence.as_deref_mut(),
+            cloud: self.cloud.as_deref_mut(),
+        }
+    }
+
+    /// Depth with the labels and the confidence that belong to it, after a pipeline filled these buffers.
+    /// `kept` is the confidence that stayed inside ([`super::Pipeline::confidence`]), for buffers without
+    /// memory for it.
+    #[must_use]
+    pub fn depth_image<'a>(&'a self, kept: Option<&'a [u8]>) -> DepthImage<'a> {
+        let confidence = self.confidence.as_deref().or(kept);
+        DepthImage { depth_m: self.depth_m, labels: self.labels.as_deref(), confidence }
+    }
+
     /// Refuses memory for results that `graph` does not have, and memory of another length than results of
     /// `size` and `cloud_size` have. Called first: a network with a state must not take a frame that fails
     /// afterwards.
@@ -107,5 +128,32 @@ impl FrameReport {
         let Self { units, scale_source: source, scale_factor: factor, scale_age_nanos: age_nanos, .. } =
             *self;
         Scale { units, source, factor, age_nanos }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_depth_image_has_the_labels_and_the_confidence_of_the_same_frame() {
+        let (mut depth_m, mut labels, mut own) = ([1.0, 2.0], [3, 4], [5, 6]);
+        let kept = [7, 8];
+        for has_own in [false, true] {
+            let confidence = has_own.then_some(&mut own[..]);
+            let labels = Some(&mut labels[..]);
+            let mut outputs = Outputs { depth_m: &mut depth_m, labels, confidence, cloud: None };
+            let filled = outputs.reborrow();
+            filled.depth_m[0] = 9.0;
+            if let Some(labels) = filled.labels {
+                labels[0] = 9;
+            }
+            let image = outputs.depth_image(Some(&kept));
+            assert_eq!((image.depth_m, image.labels), (&[9.0, 2.0][..], Some(&[9, 4][..])));
+            assert_eq!(image.confidence, Some(if has_own { &[5, 6][..] } else { &kept[..] }));
+        }
+        let outputs = Outputs { depth_m: &mut depth_m, labels: None, confidence: None, cloud: None };
+        let image = outputs.depth_image(None);
+        assert_eq!((image.labels, image.confidence), (None, None));
     }
 }

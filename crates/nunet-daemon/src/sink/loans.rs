@@ -1,7 +1,7 @@
 //! Shared memory for results: the planned topics, and the chunks for the results of one frame.
 
 use anyhow::Context as _;
-use nunet_core::obstacle::{DepthImage, ObstacleOptions, Obstacles};
+use nunet_core::obstacle::{ObstacleOptions, Obstacles};
 use nunet_core::pipeline::{Outputs, Pipeline};
 use nunet_ipc::{CloudPoint, Loan, ObstacleRecord, StatsRecord, Topic, TopicPlan};
 use nunet_sink::obstacle_record::fill_record;
@@ -31,14 +31,6 @@ impl Loans {
             confidence: self.confidence.as_mut().map(Loan::bytes_mut),
             cloud: points,
         })
-    }
-
-    /// Depth, labels and confidence after the pipeline filled them; no labels if they went into the spare
-    /// memory. `kept` is the confidence of a pipeline that was given no memory for it.
-    pub(crate) fn depth_image<'a>(&'a mut self, kept: Option<&'a [u8]>) -> anyhow::Result<DepthImage<'a>> {
-        let labels = self.labels.as_mut().map(|labels| &*labels.bytes_mut());
-        let confidence = self.confidence.as_mut().map(|confidence| &*confidence.bytes_mut()).or(kept);
-        Ok(DepthImage { depth_m: self.depth.slice_mut()?, labels, confidence })
     }
 
     /// Writes the obstacles of the frame, if a reader or a sink needs them.

@@ -38,6 +38,8 @@ pub(crate) struct StreamTask {
     continuity: Continuity,
     publisher: ShmPublisher,
     obstacles: Option<ObstacleStage>,
+    /// For obstacles, the labels of a frame whose labels no reader and no sink needs.
+    spare_labels: Vec<u8>,
     attitude: Option<AttitudeStage>,
     sinks: Vec<Box<dyn Sink>>,
     totals: Totals,
@@ -85,6 +87,7 @@ impl StreamTask {
             continuity: Continuity::default(),
             publisher,
             obstacles: None,
+            spare_labels: Vec::new(),
             attitude: None,
             sinks,
             totals: Totals::default(),
@@ -106,7 +109,9 @@ impl StreamTask {
         attitude: Option<AttitudeStage>,
     ) -> Self {
         let latencies = Latencies::new(stage_names(&self.pipeline, obstacles.is_some()));
-        Self { latencies, obstacles, attitude, ..self }
+        let has_labels = obstacles.is_some() && self.pipeline.graph().has_labels();
+        let spare_labels = vec![0; if has_labels { self.pipeline.size().pixel_count() } else { 0 }];
+        Self { latencies, obstacles, spare_labels, attitude, ..self }
     }
 
     /// The same with another limit of drift and flicker.
@@ -299,15 +304,17 @@ impl StreamTask {
         loans: &mut Loans,
         with_obstacles: bool,
     ) -> anyhow::Result<FrameReport> {
-        let spare = self.obstacles.as_mut().filter(|_| with_obstacles).and_then(ObstacleStage::spare_labels);
-        let mut report = self.pipeline.process(&frame.view()?, loans.outputs(spare)?, &MonotonicClock)?;
+        let spare = with_obstacles.then_some(&mut self.spare_labels[..]).filter(|labels| !labels.is_empty());
+        let mut outputs = loans.outputs(spare)?;
+        let mut report = self.pipeline.process(&frame.view()?, outputs.reborrow(), &MonotonicClock)?;
         report.bytes_copied += frame.bytes_copied;
         let Some(stage) = &mut self.obstacles else { return Ok(report) };
         let start_nanos = MonotonicClock.nanos();
         if with_obstacles {
             let options = stage.config().options;
-            let image = loans.depth_image(self.pipeline.confidence())?;
-            let found = stage.detect(self.pipeline.points_camera(), image, frame.capture.nanos)?;
+            let image = outputs.depth_image(self.pipeline.confidence());
+            let camera = self.pipeline.points_camera();
+            let found = stage.detect(camera, &image, frame.capture.nanos, Instant::now())?;
             let used_attitude = self.attitude.as_ref().is_some_and(AttitudeStage::is_known);
             loans.set_obstacles(found, &options, used_attitude)?;
         }

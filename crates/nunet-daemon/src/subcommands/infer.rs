@@ -222,7 +222,7 @@ impl Work {
         let config = *stage.config();
         let image = self.buffers.depth_image(&self.pipeline);
         stage.reset(); // obstacles of one image must not be remembered in the next
-        let found = stage.detect(self.pipeline.points_camera(), image, 0)?;
+        let found = stage.detect(self.pipeline.points_camera(), &image, 0, std::time::Instant::now())?;
         let image = self.frame.view()?;
         let rgb = self.pipeline.network_image(&image);
         ObstacleView { found, config: &config, pipeline: &self.pipeline, rgb }.write(folder)
