@@ -5,11 +5,9 @@
 //! depth shows beside them, such as the seat, is brought nearer by the same factor, on its rays from the
 //! camera. Nothing is moved farther away. Without labels or confidence, nothing is corrected.
 
-use nunet_types::ObstacleSector;
-
 use super::contact::{Contact, MinHeight};
 use super::ground::Ground;
-use super::hits::{DEPTH_OF_OBSTACLE_M, gap};
+use super::hits::{DEPTH_OF_OBSTACLE_M, SectorEvidence, SeenObstacle, gap};
 use super::scan::Votes;
 use super::view::View;
 use super::{Mount, ObstacleOptions};
@@ -83,13 +81,14 @@ impl Correction {
         self.min_height = MinHeight::new(mount, options);
     }
 
-    /// Adds where things stand to `sectors`, and brings the obstacles beside them nearer that depth shows.
+    /// Adds where things stand to the evidence of the sectors, and brings the obstacles beside them nearer
+    /// that depth shows.
     pub(super) fn apply(
         &mut self,
         view: &View,
         votes: &[Votes],
         camera: Viewpoint,
-        sectors: &mut [ObstacleSector],
+        sectors: &mut [SectorEvidence],
     ) {
         let Some(min_height) = self.min_height else { return };
         self.find(min_height, view, votes, camera, sectors);
@@ -99,10 +98,12 @@ impl Correction {
                 .is_some_and(|contact| take(sector, contact, gap(contact.range_m, view.cell_growth)));
             let factor = self.factor(index, view.sectors.angle_step_rad);
             let moved_m = measured.moved_m(factor);
-            if moved_m < sector.obstacle_m {
-                sector.obstacle_m = moved_m;
+            if let Some(obstacle) = &mut sector.obstacle
+                && moved_m < obstacle.range_m
+            {
+                obstacle.range_m = moved_m;
                 if !stands_here {
-                    move_heights(sector, factor, camera.height_m);
+                    move_heights(obstacle, factor, camera.height_m);
                 }
             }
         }
@@ -115,7 +116,7 @@ impl Correction {
         view: &View,
         votes: &[Votes],
         Viewpoint { position_m: [x, y], .. }: Viewpoint,
-        sectors: &[ObstacleSector],
+        sectors: &[SectorEvidence],
     ) {
         let cells = (0..sectors.len()).map(|sector| view.cells_of(sector));
         self.found.clear();
@@ -124,7 +125,8 @@ impl Correction {
         self.measured.extend(sectors.iter().zip(&self.found).enumerate().map(
             |(index, (sector, contact))| {
                 let [ahead_x, ahead_y] = view.sectors.middle(index);
-                Measured::new(ahead_x * x + ahead_y * y, sector.obstacle_m, *contact)
+                let depth_m = sector.obstacle.map_or(f32::NAN, |obstacle| obstacle.range_m);
+                Measured::new(ahead_x * x + ahead_y * y, depth_m, *contact)
             },
         ));
     }
@@ -145,20 +147,20 @@ impl Correction {
 
 /// Takes a thing that the labels show, if no obstacle is nearer or about as far away, meters: depth is finer
 /// than cells. Whether it was taken.
-fn take(sector: &mut ObstacleSector, Contact { range_m, height_m, label }: Contact, gap_m: f32) -> bool {
-    let is_new = sector.obstacle_m.is_nan() || sector.obstacle_m > range_m + gap_m;
+fn take(sector: &mut SectorEvidence, Contact { range_m, height_m, label }: Contact, gap_m: f32) -> bool {
+    let is_new = sector.obstacle.is_none_or(|obstacle| obstacle.range_m > range_m + gap_m);
     if is_new {
-        (sector.obstacle_m, sector.label) = (range_m, label);
-        (sector.min_height_m, sector.max_height_m) = (0.0, height_m);
+        let thing = SeenObstacle { range_m, min_height_m: 0.0, max_height_m: height_m, label };
+        sector.obstacle = Some(thing);
     }
     is_new
 }
 
 /// Heights of an obstacle that moves nearer to a camera at `camera_m` above ground, meters.
-fn move_heights(sector: &mut ObstacleSector, factor: f32, camera_m: f32) {
+fn move_heights(obstacle: &mut SeenObstacle, factor: f32, camera_m: f32) {
     let moved = |height_m: f32| camera_m + factor * (height_m - camera_m);
-    sector.min_height_m = moved(sector.min_height_m);
-    sector.max_height_m = moved(sector.max_height_m);
+    obstacle.min_height_m = moved(obstacle.min_height_m);
+    obstacle.max_height_m = moved(obstacle.max_height_m);
 }
 
 #[cfg(test)]
@@ -205,18 +207,22 @@ mod tests {
     #[test]
     fn a_thing_counts_if_depth_shows_nothing_about_as_near() {
         let thing = Contact { range_m: 1.0, height_m: 0.2, label: 3 };
-        for (obstacle_m, expected_m) in [(NONE, 1.0), (2.0, 1.0), (1.05, 1.05), (0.5, 0.5)] {
-            let mut sector = ObstacleSector { obstacle_m, label: 7, ..ObstacleSector::UNKNOWN };
-            let is_new = take(&mut sector, thing, 0.1);
-            assert_eq!(sector.obstacle_m, expected_m);
-            assert_eq!((sector.label, is_new), if expected_m == 1.0 { (3, true) } else { (7, false) });
+        let taken = SeenObstacle { range_m: 1.0, min_height_m: 0.0, max_height_m: 0.2, label: 3 };
+        let of_depth =
+            |range_m: f32| SeenObstacle { range_m, min_height_m: 0.3, max_height_m: 0.4, label: 7 };
+        for (range_m, is_taken) in [(None, true), (Some(2.0), true), (Some(1.05), false), (Some(0.5), false)]
+        {
+            let before = SectorEvidence { obstacle: range_m.map(of_depth), deceptive_m: Some(3.0) };
+            let mut sector = before;
+            assert_eq!(take(&mut sector, thing, 0.1), is_taken);
+            let expected = SectorEvidence { obstacle: Some(taken), ..before };
+            assert_eq!(sector, if is_taken { expected } else { before });
         }
     }
 
     #[test]
     fn what_is_moved_stays_on_its_rays() {
-        let unknown = ObstacleSector::UNKNOWN;
-        let mut seat = ObstacleSector { min_height_m: 0.25, max_height_m: 0.75, ..unknown };
+        let mut seat = SeenObstacle { range_m: 1.0, min_height_m: 0.25, max_height_m: 0.75, label: 3 };
         move_heights(&mut seat, 0.5, 0.25);
         assert_eq!((seat.min_height_m, seat.max_height_m), (0.25, 0.5));
     }

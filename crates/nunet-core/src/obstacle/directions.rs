@@ -3,7 +3,7 @@
 use nunet_types::{ObstacleSector, SectorState};
 
 use super::correction::{Correction, Viewpoint};
-use super::hits::{GAP_M, Hits, gap};
+use super::hits::{GAP_M, Hits, SectorEvidence, SeenObstacle, gap};
 use super::scan::Votes;
 use super::sectors::Sectors;
 use super::view::{Cell, View};
@@ -42,18 +42,17 @@ pub(super) fn fill(
     (correction, camera): (&mut Correction, Viewpoint),
     sectors: &mut [ObstacleSector],
 ) {
-    hits.fill(sectors);
-    correction.apply(view, votes, camera, sectors);
-    for (index, sector) in sectors.iter_mut().enumerate() {
+    let evidence = hits.evidence();
+    correction.apply(view, votes, camera, evidence);
+    for (index, (sector, evidence)) in sectors.iter_mut().zip(&*evidence).enumerate() {
         let cells = view.cells_of(index);
-        let (seen, votes) = (&view.cells[cells.clone()], &votes[cells.clone()]);
+        let (seen, votes) = (&view.cells[cells.clone()], &votes[cells]);
         let floor = free_floor(seen, votes);
-        let near_m = view.cells[cells].first().map_or(f32::NAN, |cell| cell.near_m);
-        let in_view = view.extents[index].limit(near_m, view.cell_growth);
-        sector.seen_from_m = in_view.from_m;
+        let near_m = seen.first().map(|cell| cell.near_m);
+        let in_view = view.extents[index].limit(near_m.unwrap_or(f32::NAN), view.cell_growth);
+        let seen_from_m = near_m.map(|_| in_view.from_m);
         let floor = floor.within(in_view.until_m);
-        let (state, range_m) = conclude(sector, floor, view.cell_growth, max_range_m);
-        (sector.state, sector.range_m) = (state.into(), range_m);
+        *sector = conclude(evidence, floor, seen_from_m, view.cell_growth, max_range_m);
     }
 }
 
@@ -74,32 +73,57 @@ fn free_floor(cells: &[Cell], votes: &[Votes]) -> FreeFloor {
     FreeFloor { free_m: free_squared.sqrt(), end: End::OutOfRange }
 }
 
+/// The sector of this evidence. `seen_from_m` is the distance of the nearest visible floor, `None` if none is
+/// visible.
+fn conclude(
+    evidence: &SectorEvidence,
+    floor: FreeFloor,
+    seen_from_m: Option<f32>,
+    cell_growth: f32,
+    max_range_m: f32,
+) -> ObstacleSector {
+    let (state, range_m) = decide(evidence, floor, seen_from_m, cell_growth, max_range_m);
+    let sector = ObstacleSector {
+        range_m,
+        seen_from_m: seen_from_m.unwrap_or(f32::NAN),
+        state: state.into(),
+        ..ObstacleSector::UNKNOWN
+    };
+    let Some(SeenObstacle { range_m: obstacle_m, min_height_m, max_height_m, label }) = evidence.obstacle
+    else {
+        return sector;
+    };
+    ObstacleSector { obstacle_m, min_height_m, max_height_m, label, ..sector }
+}
+
 /// The state of a sector, and up to where it is free, meters.
 ///
 /// The nearest point decides. An obstacle counts only if the floor is free up to it. Otherwise the direction
 /// is unknown from the end of the free floor on.
-fn conclude(
-    sector: &ObstacleSector,
-    floor: FreeFloor,
+fn decide(
+    evidence: &SectorEvidence,
+    FreeFloor { free_m, end }: FreeFloor,
+    seen_from_m: Option<f32>,
     cell_growth: f32,
     max_range_m: f32,
 ) -> (SectorState, f32) {
-    let seen_from_m = if sector.seen_from_m.is_nan() { f32::INFINITY } else { sector.seen_from_m };
-    let deceptive_m = sector.range_m;
-    let FreeFloor { free_m, end } = floor;
-    // No floor is visible below the image. An obstacle there counts without floor before it.
-    let known_m = free_m.max(seen_from_m);
-    let obstacle_m = if sector.obstacle_m.is_nan() { f32::INFINITY } else { sector.obstacle_m };
-    if deceptive_m + GAP_M < obstacle_m {
+    let obstacle_m = evidence.obstacle.map(|obstacle| obstacle.range_m);
+    if let Some(deceptive_m) = evidence.deceptive_m
+        && obstacle_m.is_none_or(|obstacle_m| deceptive_m + GAP_M < obstacle_m)
+    {
         return (SectorState::Unknown, free_m.min(deceptive_m));
     }
-    if obstacle_m.is_finite() && obstacle_m <= known_m + gap(obstacle_m, cell_growth) {
+    // No floor is visible below the image. An obstacle there counts without floor before it.
+    let known_m = free_m.max(seen_from_m.unwrap_or(f32::INFINITY));
+    if let Some(obstacle_m) = obstacle_m
+        && obstacle_m <= known_m + gap(obstacle_m, cell_growth)
+    {
         return (SectorState::Occupied, obstacle_m);
     }
     match end {
         End::Drop if free_m > 0.0 => (SectorState::Drop, free_m),
         // The whole width may come into view only beyond the range, but the floor is missing within it.
-        End::Drop => (SectorState::Drop, seen_from_m.min(max_range_m)),
+        End::Drop => (SectorState::Drop, seen_from_m.map_or(max_range_m, |from_m| from_m.min(max_range_m))),
         End::OutOfRange if free_m > 0.0 => (SectorState::Free, free_m),
         End::OutOfRange | End::Covered => (SectorState::Unknown, free_m),
     }
@@ -214,13 +238,41 @@ mod tests {
         assert_eq!(floor.within(1.5), FreeFloor { free_m: 1.5, end: End::OutOfRange });
         assert_eq!(floor.within(f32::INFINITY), floor);
         let nothing = floor.within(0.0);
-        assert_eq!(conclude(&ObstacleSector::UNKNOWN, nothing, 0.01, RANGE_M).0, SectorState::Unknown);
+        let sector = conclude(&SectorEvidence::default(), nothing, None, 0.01, RANGE_M);
+        assert_eq!((sector.state(), sector.range_m), (SectorState::Unknown, 0.0));
+    }
+
+    /// What depth shows at these distances; NaN and infinity are nothing.
+    fn evidence(obstacle_m: f32, deceptive_m: f32) -> SectorEvidence {
+        let finite = |distance_m: f32| distance_m.is_finite().then_some(distance_m);
+        let seen = |range_m| SeenObstacle { range_m, min_height_m: 0.1, max_height_m: 0.4, label: 3 };
+        SectorEvidence { obstacle: finite(obstacle_m).map(seen), deceptive_m: finite(deceptive_m) }
     }
 
     fn state(obstacle_m: f32, deceptive_m: f32, free_m: f32, end: End) -> (SectorState, f32) {
-        let sector =
-            ObstacleSector { obstacle_m, range_m: deceptive_m, seen_from_m: 0.5, ..ObstacleSector::UNKNOWN };
-        conclude(&sector, FreeFloor { free_m, end }, 0.01, RANGE_M)
+        let floor = FreeFloor { free_m, end };
+        let sector = conclude(&evidence(obstacle_m, deceptive_m), floor, Some(0.5), 0.01, RANGE_M);
+        (sector.state(), sector.range_m)
+    }
+
+    #[test]
+    fn a_sector_names_its_obstacle_also_if_another_thing_decides() {
+        let floor = FreeFloor { free_m: 0.9, end: End::Covered };
+        let behind_glass = conclude(&evidence(2.0, 1.0), floor, Some(0.5), 0.01, RANGE_M);
+        let expected = ObstacleSector {
+            range_m: 0.9,
+            obstacle_m: 2.0,
+            min_height_m: 0.1,
+            max_height_m: 0.4,
+            seen_from_m: 0.5,
+            label: 3,
+            ..ObstacleSector::UNKNOWN
+        };
+        assert_eq!(behind_glass, expected);
+        let empty = conclude(&SectorEvidence::default(), floor, None, 0.01, RANGE_M);
+        let unknown = ObstacleSector { range_m: 0.9, ..ObstacleSector::UNKNOWN };
+        // As text, because unknown values are NaN.
+        assert_eq!(format!("{empty:?}"), format!("{unknown:?}"));
     }
 
     #[test]
@@ -241,9 +293,11 @@ mod tests {
 
     #[test]
     fn a_drop_is_within_the_range_also_if_its_sector_is_in_view_only_beyond() {
-        let sector = ObstacleSector { range_m: f32::INFINITY, seen_from_m: 5.12, ..ObstacleSector::UNKNOWN };
         let missing = FreeFloor { free_m: 0.0, end: End::Drop };
-        assert_eq!(conclude(&sector, missing, 0.01, RANGE_M), (SectorState::Drop, RANGE_M));
+        for seen_from_m in [Some(5.12), None] {
+            let sector = conclude(&SectorEvidence::default(), missing, seen_from_m, 0.01, RANGE_M);
+            assert_eq!((sector.state(), sector.range_m), (SectorState::Drop, RANGE_M));
+        }
     }
 
     fn occupied(range_m: f32) -> ObstacleSector {

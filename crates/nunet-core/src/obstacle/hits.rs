@@ -1,6 +1,6 @@
 //! The points of obstacles by direction, and the nearest one of each.
 
-use nunet_types::{NO_LABEL, ObstacleSector};
+use nunet_types::NO_LABEL;
 
 /// Points of an obstacle are at most this much farther than its nearest one, meters.
 pub(super) const DEPTH_OF_OBSTACLE_M: f32 = 0.3;
@@ -27,11 +27,31 @@ struct Nearest {
     label: u8,
 }
 
+/// The nearest obstacle of a sector.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct SeenObstacle {
+    /// From the base's origin, meters.
+    pub(super) range_m: f32,
+    /// Its lowest and its highest point, meters above ground.
+    pub(super) min_height_m: f32,
+    pub(super) max_height_m: f32,
+    pub(super) label: u8,
+}
+
+/// What a frame shows in a sector, except for the floor. The state of the sector is decided later.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct SectorEvidence {
+    pub(super) obstacle: Option<SeenObstacle>,
+    /// The distance of the nearest window, mirror or screen, meters.
+    pub(super) deceptive_m: Option<f32>,
+}
+
 /// The points of one frame. Allocates once.
 #[derive(Debug, Clone)]
 pub(super) struct Hits {
     hits: Vec<Hit>,
     nearest: Vec<Nearest>,
+    evidence: Vec<SectorEvidence>,
 }
 
 impl Nearest {
@@ -49,22 +69,24 @@ impl Nearest {
         self.obstacle_m + DEPTH_OF_OBSTACLE_M
     }
 
-    /// A sector without a state. Until it has one, `range_m` is the distance of the nearest deceptive
-    /// surface.
-    fn sector(&self) -> ObstacleSector {
-        let sector = ObstacleSector { range_m: self.deceptive_m, ..ObstacleSector::UNKNOWN };
-        if self.obstacle_m.is_infinite() {
-            return sector;
+    fn evidence(&self) -> SectorEvidence {
+        let Self { obstacle_m, deceptive_m, min_height_m, max_height_m, label } = *self;
+        let obstacle = SeenObstacle { range_m: obstacle_m, min_height_m, max_height_m, label };
+        SectorEvidence {
+            obstacle: obstacle_m.is_finite().then_some(obstacle),
+            deceptive_m: deceptive_m.is_finite().then_some(deceptive_m),
         }
-        let Self { obstacle_m, min_height_m, max_height_m, label, .. } = *self;
-        ObstacleSector { obstacle_m, min_height_m, max_height_m, label, ..sector }
     }
 }
 
 impl Hits {
     /// For at most this number of points.
     pub(super) fn new(points: usize, sectors: usize) -> Self {
-        Self { hits: Vec::with_capacity(points), nearest: vec![Nearest::NOTHING; sectors] }
+        Self {
+            hits: Vec::with_capacity(points),
+            nearest: vec![Nearest::NOTHING; sectors],
+            evidence: vec![SectorEvidence::default(); sectors],
+        }
     }
 
     /// Begins a frame.
@@ -96,8 +118,8 @@ impl Hits {
         }
     }
 
-    /// Writes what is nearest in each sector.
-    pub(super) fn fill(&mut self, sectors: &mut [ObstacleSector]) {
+    /// What is nearest in each sector, once all points of the frame were added. The caller may correct it.
+    pub(super) fn evidence(&mut self) -> &mut [SectorEvidence] {
         for &Hit { range_m, height_m, sector } in &self.hits {
             let nearest = &mut self.nearest[sector as usize];
             if range_m <= nearest.depth_m() {
@@ -110,9 +132,10 @@ impl Hits {
                 }
             }
         }
-        for (sector, nearest) in sectors.iter_mut().zip(&self.nearest) {
-            *sector = nearest.sector();
+        for (evidence, nearest) in self.evidence.iter_mut().zip(&self.nearest) {
+            *evidence = nearest.evidence();
         }
+        &mut self.evidence
     }
 }
 
@@ -128,21 +151,19 @@ mod tests {
     #[test]
     fn only_points_near_the_nearest_one_belong_to_the_obstacle() {
         let mut hits = Hits::new(10, 2);
-        let mut sectors = [ObstacleSector::UNKNOWN; 2];
         for (range_m, height_m, label) in [(2.0, 0.9, 1), (1.6, 0.1, 2), (1.5, 0.4, 3), (1.8, 0.2, 4)] {
             hits.add(0, [range_m, height_m], || label);
         }
         hits.add_deceptive(1, 3.0);
         hits.add_deceptive(1, 2.5);
         hits.add(2, [1.0, 1.0], || 5);
-        hits.fill(&mut sectors);
-        let [near, glass] = sectors;
-        assert_eq!((near.obstacle_m, near.label, near.range_m), (1.5, 3, f32::INFINITY));
-        assert_eq!((near.min_height_m, near.max_height_m), (0.1, 0.4));
-        assert!(glass.obstacle_m.is_nan() && glass.min_height_m.is_nan() && glass.max_height_m.is_nan());
-        assert_eq!((glass.range_m, glass.label), (2.5, NO_LABEL));
+        let near = SeenObstacle { range_m: 1.5, min_height_m: 0.1, max_height_m: 0.4, label: 3 };
+        let expected = [
+            SectorEvidence { obstacle: Some(near), deceptive_m: None },
+            SectorEvidence { obstacle: None, deceptive_m: Some(2.5) },
+        ];
+        assert_eq!(hits.evidence(), expected);
         hits.start();
-        hits.fill(&mut sectors);
-        assert!(sectors[0].obstacle_m.is_nan() && sectors[1].range_m.is_infinite());
+        assert_eq!(hits.evidence(), [SectorEvidence::default(); 2]);
     }
 }
