@@ -4,8 +4,9 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use nunet_core::camera::{Camera, Intrinsics};
-use nunet_core::obstacle::{DepthImage, Mount, ObstacleDetector, ObstacleOptions};
+use nunet_core::camera::{Camera, Intrinsics, Mount};
+use nunet_core::depth::DepthImage;
+use nunet_core::obstacle::{ObstacleDetector, ObstacleOptions};
 
 const SIZE: (u32, u32) = (640, 480);
 

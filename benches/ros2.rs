@@ -5,9 +5,9 @@
 use std::time::{Duration, Instant};
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use nunet_core::camera::{Camera, Intrinsics};
-use nunet_core::depth::{DepthEncoding, Scale};
-use nunet_core::obstacle::{DepthImage, Mount, ObstacleDetector, ObstacleOptions, Obstacles};
+use nunet_core::camera::{Camera, Intrinsics, Mount};
+use nunet_core::depth::{DepthEncoding, DepthImage, Scale};
+use nunet_core::obstacle::{ObstacleDetector, ObstacleOptions, Obstacles};
 use nunet_ros2::{CameraOptions, Ros2Node, Ros2Options, Topic};
 use nunet_ros2_link::{Endpoint, LinkName, MessageSubscriber, connect_alone};
 use nunet_sink::results::Results;

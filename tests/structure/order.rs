@@ -30,6 +30,7 @@ const CORE: Order = Order {
         "depth",
         "filter",
         "cloud",
+        "label_roles",
         "obstacle",
         "scale",
         "stability",

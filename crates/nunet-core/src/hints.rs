@@ -5,7 +5,7 @@ use std::error::Error;
 
 use nunet_types::Hint;
 
-use crate::camera::{CalibrationError, CameraError};
+use crate::camera::{CalibrationError, CameraError, MountError};
 use crate::depth::DepthError;
 use crate::filter::FilterError;
 use crate::frame::FrameError;
@@ -36,6 +36,7 @@ pub fn hint_of(error: &(dyn Error + 'static)) -> Option<Cow<'static, str>> {
         of::<FrameError>,
         of::<CameraError>,
         of::<CalibrationError>,
+        of::<MountError>,
         of::<DepthError>,
         of::<ModelError>,
         of::<SidecarError>,

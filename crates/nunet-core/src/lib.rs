@@ -52,6 +52,7 @@ pub mod frame;
 pub mod framing;
 pub mod graph;
 mod hints;
+mod label_roles;
 pub mod model;
 pub mod obstacle;
 pub mod pipeline;

@@ -4,14 +4,13 @@ use std::num::NonZeroU32;
 
 use nunet_types::ImageSize;
 
-use crate::camera::Camera;
+use crate::camera::{Camera, Mount};
 use crate::clock::Clock;
 use crate::cloud::cloud_size;
 use crate::depth::{Scale, Units};
 use crate::filter::{self, Appearance, Decimation, DecimationOptions, FilterChain, FilterOptions};
 use crate::frame::ImageView;
 use crate::graph::{GraphReport, SerialGraph, StageTimes};
-use crate::obstacle::Mount;
 use crate::scale::ScaleMode;
 use crate::stability::StabilityGauge;
 

@@ -4,13 +4,14 @@
 
 use std::num::NonZeroU32;
 
-use nunet_core::camera::{Camera, Intrinsics};
+use nunet_core::camera::{Camera, Intrinsics, Mount};
 use nunet_core::cloud::CloudPoint;
+use nunet_core::depth::DepthImage;
 use nunet_core::filter::{FilterOptions, FilterSpec};
 use nunet_core::frame::{ImageView, PixelFormat};
 use nunet_core::framing::AspectMode;
 use nunet_core::graph::{GraphOptions, Runtime, SerialGraph};
-use nunet_core::obstacle::{DepthImage, Mount, ObstacleDetector, ObstacleOptions};
+use nunet_core::obstacle::{ObstacleDetector, ObstacleOptions};
 use nunet_core::pipeline::{Outputs, Pipeline, PipelineOptions};
 use nunet_core::preprocess::Preprocessor;
 use nunet_testkit::allocations::{CountingAllocator, allocations_during};

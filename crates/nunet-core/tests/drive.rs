@@ -5,10 +5,9 @@
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
-use nunet_core::camera::{Camera, Intrinsics, RayTable};
-use nunet_core::obstacle::{
-    DepthImage, Mount, ObstacleDetector, ObstacleOptions, ObstacleSector, Obstacles, SectorState,
-};
+use nunet_core::camera::{Camera, Intrinsics, Mount, RayTable};
+use nunet_core::depth::DepthImage;
+use nunet_core::obstacle::{ObstacleDetector, ObstacleOptions, ObstacleSector, Obstacles, SectorState};
 use nunet_types::NYU13_CLASSES;
 
 const SIZE: (u32, u32) = (320, 240);

@@ -3,10 +3,11 @@
 //! Exact scenes: floor, boxes, stairs and a table, ray by ray, and what must come out.
 
 use nunet_core::ErrorKind;
-use nunet_core::camera::{Camera, Intrinsics, RayTable};
+use nunet_core::camera::{Camera, Intrinsics, Mount, RayTable};
+use nunet_core::depth::DepthImage;
 use nunet_core::obstacle::{
-    DepthImage, Ground, Mount, ObstacleDetector, ObstacleError, ObstacleOptions, ObstaclePoint,
-    ObstacleSector, Obstacles, SectorState,
+    Ground, ObstacleDetector, ObstacleError, ObstacleOptions, ObstaclePoint, ObstacleSector, Obstacles,
+    SectorState,
 };
 use nunet_types::{NO_LABEL, NYU13_CLASSES};
 use proptest::prelude::*;

@@ -11,8 +11,8 @@
 
 use std::path::{Path, PathBuf};
 
-use nunet_core::camera::{Camera, Intrinsics};
-use nunet_core::obstacle::{DepthImage, Mount};
+use nunet_core::camera::{Camera, Intrinsics, Mount};
+use nunet_core::depth::DepthImage;
 use nunet_core::scale::FloorGauge;
 use nunet_types::NYU13_CLASSES;
 

@@ -1,7 +1,7 @@
 //! Buffers for results outside of shared memory, for subcommands without readers.
 
 use nunet_core::cloud::CloudPoint;
-use nunet_core::obstacle::DepthImage;
+use nunet_core::depth::DepthImage;
 use nunet_core::pipeline::{Outputs, Pipeline};
 
 /// Buffers for the results of one frame.

@@ -5,13 +5,12 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use nunet_core::camera::{CalibratedScale, Camera};
+use nunet_core::camera::{CalibratedScale, Camera, Mount};
 use nunet_core::cloud::CloudPoint;
 use nunet_core::filter::{FilterOptions, FilterSpec};
 use nunet_core::frame::ImageView;
 use nunet_core::framing::{AspectMode, Framing};
 use nunet_core::graph::Provider;
-use nunet_core::obstacle::Mount;
 use nunet_core::pipeline::{FrameReport, Outputs, Pipeline, PipelineError, PipelineOptions};
 use nunet_core::scale::ScaleMode;
 use nunet_types::ImageSize;

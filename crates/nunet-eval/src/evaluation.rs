@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use image::RgbImage;
-use nunet_core::depth::DepthKind;
-use nunet_core::obstacle::{DepthImage, Mount};
+use nunet_core::camera::Mount;
+use nunet_core::depth::{DepthImage, DepthKind};
 use nunet_core::pipeline::{Outputs, Pipeline};
 use nunet_engine::ModelName;
 use nunet_files::{make_folder, write_json, write_rgb};

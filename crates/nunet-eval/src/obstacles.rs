@@ -3,8 +3,9 @@
 
 use std::collections::BTreeMap;
 
-use nunet_core::camera::Camera;
-use nunet_core::obstacle::{DepthImage, Mount, ObstacleDetector, ObstacleOptions};
+use nunet_core::camera::{Camera, Mount};
+use nunet_core::depth::DepthImage;
+use nunet_core::obstacle::{ObstacleDetector, ObstacleOptions};
 use nunet_types::{NO_LABEL, ObstacleSector, SectorState, counted};
 use serde::Serialize;
 

@@ -1,9 +1,12 @@
 //! Obstacles around the robot.
 
+use std::error::Error;
+
 use numpy::ndarray::Array2;
 use numpy::{PyArray1, PyArray2};
-use nunet_core::camera::Camera;
-use nunet_core::obstacle::{DepthImage, Mount, ObstacleDetector, ObstacleOptions};
+use nunet_core::camera::{Camera, Mount};
+use nunet_core::depth::DepthImage;
+use nunet_core::obstacle::{ObstacleDetector, ObstacleOptions};
 use nunet_ipc::{ObstacleRecord, ObstacleSector};
 use nunet_types::{ObstacleMap, counted};
 use pyo3::exceptions::PyValueError;
@@ -179,8 +182,8 @@ fn table<const COLUMNS: usize>(
     PyArray2::from_owned_array(py, array).unbind()
 }
 
-/// An argument of `obstacles` that cannot be used.
-pub(crate) fn refused(error: &nunet_core::obstacle::ObstacleError) -> PyErr {
+/// The exception for a mount or an option of `obstacles` that cannot be used.
+pub(crate) fn refused(error: &(dyn Error + 'static)) -> PyErr {
     match nunet_core::hint_of(error) {
         Some(hint) => hinted::<PyValueError>(error, hint),
         None => PyValueError::new_err(error.to_string()),

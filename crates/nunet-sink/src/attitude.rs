@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use std::str::FromStr;
 use std::time::Instant;
 
-use nunet_core::obstacle::Mount;
+use nunet_core::camera::Mount;
 use nunet_core::pipeline::Pipeline;
 use nunet_ipc::{AttitudeReader, CameraName};
 use nunet_source::{CaptureTime, Frame};

@@ -4,7 +4,9 @@
 
 use std::time::{Duration, Instant};
 
-use nunet_core::obstacle::{DepthImage, FloorView, Mount, ObstacleDetector};
+use nunet_core::camera::Mount;
+use nunet_core::depth::DepthImage;
+use nunet_core::obstacle::{FloorView, ObstacleDetector};
 use tracing::warn;
 
 /// The floor is measured in the image after this number of frames without floor where the mount expects it.

@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::str::FromStr;
 
-use nunet_core::obstacle::{Mount, ObstacleError, check_pose};
+use nunet_core::camera::{Mount, MountError, check_pose};
 use nunet_mcap::CameraMount;
 use nunet_types::text_with_hint;
 use tracing::warn;
@@ -26,7 +26,7 @@ impl MountOption {
     ///
     /// # Errors
     /// No camera can be there.
-    pub fn pose(self) -> Result<Mount, ObstacleError> {
+    pub fn pose(self) -> Result<Mount, MountError> {
         Mount::new(self.translation_m, self.roll_pitch_yaw_rad)
     }
 

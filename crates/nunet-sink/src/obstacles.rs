@@ -3,8 +3,9 @@
 
 use std::time::Instant;
 
-use nunet_core::camera::Camera;
-use nunet_core::obstacle::{DepthImage, Mount, ObstacleDetector, ObstacleError, ObstacleOptions, Obstacles};
+use nunet_core::camera::{Camera, Mount};
+use nunet_core::depth::DepthImage;
+use nunet_core::obstacle::{ObstacleDetector, ObstacleError, ObstacleOptions, Obstacles};
 use nunet_core::pipeline::Pipeline;
 use nunet_types::Units;
 use tracing::{info, warn};

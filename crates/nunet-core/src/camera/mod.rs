@@ -1,5 +1,5 @@
-//! The camera: intrinsics in pixels at a stated size, lens distortion, and the table of rays computed from
-//! both.
+//! The camera: intrinsics in pixels at a stated size, lens distortion, the table of rays computed from both,
+//! and the mount, which is the camera's pose on the robot.
 //!
 //! Each lens model has a file of its own, which implements `LensModel`, and a line in `lens_models!` below.
 //! All other code finds it by its number in messages or by its ROS names.
@@ -14,6 +14,8 @@ mod intrinsics;
 mod intrinsics_spec;
 mod kannala_brandt;
 mod lens_model;
+mod mount;
+mod mount_error;
 mod rays;
 mod roots;
 mod ros;
@@ -31,6 +33,8 @@ pub use error::CameraError;
 pub use intrinsics::Intrinsics;
 pub use intrinsics_spec::IntrinsicsSpec;
 pub use kannala_brandt::KannalaBrandt;
+pub use mount::{Mount, check_pose};
+pub use mount_error::MountError;
 pub use rays::RayTable;
 pub use scale_factor::{MAX_SCALE_FACTOR, MIN_SCALE_FACTOR, check_scale_factor};
 

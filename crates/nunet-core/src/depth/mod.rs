@@ -4,12 +4,14 @@ mod border;
 mod decode;
 mod encoding;
 mod error;
+mod image;
 mod scale;
 
 pub use border::BorderFill;
 pub use decode::{DepthRange, OutputScale};
 pub use encoding::DepthKind;
 pub use error::DepthError;
+pub use image::DepthImage;
 pub use nunet_types::{ScaleSource, Units};
 pub use scale::Scale;
 

@@ -2,12 +2,12 @@
 
 use nunet_types::NO_LABEL;
 
-use super::DepthImage;
 use super::hits::Hits;
 use super::kind::SampleKind;
 use super::scan::Line;
 use super::view::View;
 use super::voxels::{Key, Voxels};
+use crate::depth::DepthImage;
 
 /// Collects the samples of obstacles. Allocates once.
 #[derive(Debug, Clone)]

@@ -5,9 +5,10 @@
 //! depth blurs into the floor behind them. A flat thing must not count: the labels must continue as high as a
 //! thing would be that stands there.
 
+use super::ObstacleOptions;
 use super::scan::Votes;
 use super::view::Cell;
-use super::{Mount, ObstacleOptions};
+use crate::camera::Mount;
 
 /// A thing must be this high to count, and this much higher than the clearance, meters.
 const MIN_HEIGHT_M: f32 = 0.1;

@@ -5,12 +5,13 @@
 //! depth shows beside them, such as the seat, is brought nearer by the same factor, on its rays from the
 //! camera. Nothing is moved farther away. Without labels or confidence, nothing is corrected.
 
+use super::ObstacleOptions;
 use super::contact::{Contact, MinHeight};
 use super::ground::Ground;
 use super::hits::{DEPTH_OF_OBSTACLE_M, SectorEvidence, SeenObstacle, gap};
 use super::scan::Votes;
 use super::view::View;
-use super::{Mount, ObstacleOptions};
+use crate::camera::Mount;
 
 /// The distance to the side over which the parts of a thing share their factor, meters: the width of a chair.
 const WIDTH_M: f32 = 0.5;

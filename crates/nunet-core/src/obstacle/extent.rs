@@ -7,9 +7,10 @@
 
 use std::f32::consts::{PI, TAU};
 
+use super::ObstacleOptions;
 use super::kind::SLOPE_ERROR;
 use super::sectors::{Direction, Sectors, length, within_turn};
-use super::{Mount, ObstacleOptions};
+use crate::camera::Mount;
 
 /// Lines per sector. An obstacle that fills a quarter of the sector meets one.
 const LINES: usize = 4;

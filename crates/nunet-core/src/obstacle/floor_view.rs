@@ -6,7 +6,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::Mount;
+use crate::camera::Mount;
 
 /// The largest number of points that are used.
 pub(super) const MAX_POINTS: usize = 1000;

@@ -9,7 +9,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{Mount, ObstacleOptions};
+use super::ObstacleOptions;
+use crate::camera::Mount;
 
 /// The largest number of candidates.
 pub(super) const MAX_CANDIDATES: usize = 4096;

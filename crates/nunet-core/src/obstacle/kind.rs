@@ -1,7 +1,7 @@
 //! Classifies a sample by its height above ground, its distance and its role.
 
-use super::role::Role;
 use super::{Ground, ObstacleOptions};
+use crate::label_roles::Role;
 
 /// The slope error of a refined ground (0.25 degrees). The expected ground has four times as much.
 pub(super) const SLOPE_ERROR: f32 = 0.0044;

@@ -17,8 +17,9 @@
 //!
 //! # Example: a box on the floor, 2 m ahead
 //! ```
-//! use nunet_core::camera::{Camera, Intrinsics};
-//! use nunet_core::obstacle::{DepthImage, Mount, ObstacleDetector, ObstacleOptions, SectorState};
+//! use nunet_core::camera::{Camera, Intrinsics, Mount};
+//! use nunet_core::depth::DepthImage;
+//! use nunet_core::obstacle::{ObstacleDetector, ObstacleOptions, SectorState};
 //!
 //! // A level camera 0.5 m above the floor. Depth as it sees floor, and a box 0.4 m wide and 0.3 m high.
 //! let (width, height) = (320, 240);
@@ -57,9 +58,7 @@ mod floor_view;
 mod ground;
 mod hits;
 mod kind;
-mod mount;
 mod options;
-mod role;
 mod scan;
 mod sectors;
 mod view;
@@ -68,7 +67,6 @@ mod voxels;
 pub use error::ObstacleError;
 pub use floor_view::FloorView;
 pub use ground::Ground;
-pub use mount::{Mount, check_pose};
 pub use nunet_types::{ObstacleMap, ObstaclePoint, ObstacleSector, SectorState};
 pub use options::ObstacleOptions;
 
@@ -77,24 +75,13 @@ use correction::{Correction, Viewpoint};
 use directions::Memory;
 use ground::GroundFit;
 use kind::Bounds;
-pub(crate) use role::{Role, Roles};
 use scan::Scan;
 use sectors::Sectors;
 use view::View;
 
-use crate::camera::{Camera, RayTable};
-
-/// A depth map with its labels and confidence, `[H, W]` at the size of the detector's camera.
-#[derive(Debug, Clone, Copy)]
-pub struct DepthImage<'a> {
-    /// Meters along the optical axis; NaN where nothing was measured.
-    pub depth_m: &'a [f32],
-    /// Class indices. Without labels, floor is recognized by its position alone, and glass is not recognized.
-    pub labels: Option<&'a [u8]>,
-    /// Confidence of depth, 255 = certain. Without it no depth counts as uncertain, and labels do not show
-    /// where things stand.
-    pub confidence: Option<&'a [u8]>,
-}
+use crate::camera::{Camera, Mount, RayTable};
+use crate::depth::DepthImage;
+use crate::label_roles::{Role, Roles};
 
 /// The obstacles of one frame.
 #[derive(Debug, Clone, PartialEq)]

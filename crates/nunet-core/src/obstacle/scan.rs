@@ -1,10 +1,11 @@
 //! Classifies all samples in one pass, and counts what each cell of the floor shows.
 
+use super::Ground;
 use super::kind::{Bounds, SampleKind};
-use super::role::{Role, Roles};
 use super::sectors::NONE;
 use super::view::View;
-use super::{DepthImage, Ground};
+use crate::depth::DepthImage;
+use crate::label_roles::{Role, Roles};
 
 /// Neighbors whose depth differs by less than this share lie on the same surface.
 const SAME_SURFACE: f32 = 0.05;

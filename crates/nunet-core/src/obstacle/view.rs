@@ -10,11 +10,11 @@ use std::ops::Range;
 
 use nalgebra::Vector3;
 
+use super::ObstacleOptions;
 use super::extent::{Extent, Lines, Plane};
 use super::ground::MAX_CANDIDATES;
 use super::sectors::{Direction, NONE, Sectors, is_between, length, unit_vector, within_turn};
-use super::{Mount, ObstacleOptions};
-use crate::camera::RayTable;
+use crate::camera::{Mount, RayTable};
 
 /// The largest number of samples per row. 640x480 is sampled at every second column and row.
 const MAX_SAMPLES_PER_ROW: u32 = 320;

@@ -1,9 +1,9 @@
 //! The scale that follows the floor from frame to frame.
 
 use super::{Lens, PipelineOptions};
-use crate::depth::{Scale, ScaleSource, Units};
+use crate::camera::Mount;
+use crate::depth::{DepthImage, Scale, ScaleSource, Units};
 use crate::graph::SerialGraph;
-use crate::obstacle::{DepthImage, Mount};
 use crate::scale::{FloorGauge, ScaleError, ScaleMode, ScaleTracker};
 
 /// Measures the factor on each frame's floor and corrects its depth.

@@ -4,10 +4,9 @@ use nunet_types::{ImageSize, PixelRect};
 
 use crate::camera::Camera;
 use crate::cloud::CloudPoint;
-use crate::depth::{Scale, ScaleSource, Units};
+use crate::depth::{DepthImage, Scale, ScaleSource, Units};
 use crate::filter::Decimation;
 use crate::graph::{GraphError, GraphOutputs, Quality, SerialGraph, StageTimes};
-use crate::obstacle::DepthImage;
 use crate::stability::StabilityChange;
 
 /// Buffers of the caller for the results of a frame.

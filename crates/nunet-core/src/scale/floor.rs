@@ -11,8 +11,9 @@
 //! floor, and the frame gives no ratio.
 
 use super::ScaleError;
-use crate::camera::{Camera, MAX_SCALE_FACTOR, MIN_SCALE_FACTOR, RayTable};
-use crate::obstacle::{DepthImage, Mount, Role, Roles};
+use crate::camera::{Camera, MAX_SCALE_FACTOR, MIN_SCALE_FACTOR, Mount, RayTable};
+use crate::depth::DepthImage;
+use crate::label_roles::{Role, Roles};
 
 /// The largest number of pixels that are used: about 0.1 ms.
 const MAX_SAMPLES: usize = 8192;

@@ -1,6 +1,6 @@
 //! The source of the factor.
 
-use crate::obstacle::Mount;
+use crate::camera::Mount;
 
 /// The source of the factor.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

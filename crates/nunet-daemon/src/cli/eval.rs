@@ -118,9 +118,9 @@ impl EvalArgs {
             return Ok(None);
         }
         let options = self.obstacles.options.options(max_range_m);
-        let mount = value(&self.obstacles.mount).map(MountOption::pose);
-        let checked = mount.transpose().and_then(|mount| options.check().map(|()| mount));
-        let mount = checked.map_err(|error| BadArguments::of(&error))?;
+        let mount = value(&self.obstacles.mount).map(MountOption::pose).transpose();
+        let mount = mount.map_err(|error| BadArguments::of(&error))?;
+        options.check().map_err(|error| BadArguments::of(&error))?;
         Ok(Some(ObstacleEval { mount, options }))
     }
 

@@ -4,9 +4,8 @@ use std::num::NonZeroU32;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use nunet_core::camera::{IntrinsicsSpec, check_scale_factor};
+use nunet_core::camera::{IntrinsicsSpec, Mount, check_scale_factor};
 use nunet_core::framing::AspectMode;
-use nunet_core::obstacle::Mount;
 use nunet_core::pipeline::PipelineOptions;
 use nunet_core::scale::ScaleMode;
 use serde::Deserialize;

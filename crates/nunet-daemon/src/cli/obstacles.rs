@@ -1,7 +1,7 @@
 //! The flags of obstacles.
 
 use clap::Args;
-use nunet_core::obstacle::ObstacleOptions;
+use nunet_core::obstacle::{ObstacleError, ObstacleOptions};
 use nunet_core::pipeline::PipelineOptions;
 use nunet_core::scale::ScaleMode;
 use nunet_types::Hint as _;
@@ -90,7 +90,7 @@ impl ObstacleArgs {
         let Some(mount) = mount else {
             return if is_required { Err(without_mount("obstacles need")) } else { Ok(None) };
         };
-        let made = mount.pose().and_then(|mount| {
+        let made = mount.pose().map_err(ObstacleError::from).and_then(|mount| {
             let options = self.options(max_range_m);
             options.check()?;
             Ok(ObstacleConfig { mount, options, is_required })

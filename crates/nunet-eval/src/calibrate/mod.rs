@@ -11,8 +11,8 @@ mod readings;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use nunet_core::camera::{Camera, RayTable, check_scale_factor};
-use nunet_core::obstacle::{DepthImage, Mount};
+use nunet_core::camera::{Camera, Mount, RayTable, check_scale_factor};
+use nunet_core::depth::DepthImage;
 use nunet_core::pipeline::{Outputs, Pipeline};
 use nunet_core::scale::FloorGauge;
 use nunet_source::{BitDepthCheck, CameraNews, CameraResolver, Frame, Rotator, decode};

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use nunet_core::obstacle::Mount;
+use nunet_core::camera::Mount;
 use serde::Deserialize;
 
 use super::table::{by_id, rows};

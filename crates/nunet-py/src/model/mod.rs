@@ -10,7 +10,7 @@ mod warnings;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
-use nunet_core::obstacle::Mount;
+use nunet_core::camera::Mount;
 use nunet_core::scale::ScaleMode;
 use nunet_engine::ModelOptions;
 use pyo3::prelude::*;

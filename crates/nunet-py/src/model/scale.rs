@@ -1,7 +1,6 @@
 //! The scale mode of a model.
 
-use nunet_core::camera::check_scale_factor;
-use nunet_core::obstacle::Mount;
+use nunet_core::camera::{Mount, check_scale_factor};
 use nunet_core::scale::ScaleMode;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-use super::ObstacleError;
+use super::MountError;
 
 /// The steepest view upward, degrees. Beyond it no ordinary lens sees the floor.
 const MAX_ELEVATION_DEG: f64 = 80.0;
@@ -17,7 +17,7 @@ const MAX_DISTANCE_M: f64 = 1000.0;
 ///
 /// # Example: 0.25 m above the floor, 4 degrees up
 /// ```
-/// use nunet_core::obstacle::Mount;
+/// use nunet_core::camera::Mount;
 ///
 /// let mount = Mount::new([0.1, 0.0, 0.25], [0.0, -4_f64.to_radians(), 0.0])?;
 /// let ahead = mount.to_base([0.0, 0.0, 1.0]); // 1 m along the optical axis
@@ -25,7 +25,7 @@ const MAX_DISTANCE_M: f64 = 1000.0;
 ///
 /// let error = Mount::new([0.1, 0.0, -0.25], [0.0; 3]).unwrap_err();
 /// assert_eq!(error.to_string(), "mount: the camera is -0.25 m above the floor, expected more than 0");
-/// # Ok::<(), nunet_core::obstacle::ObstacleError>(())
+/// # Ok::<(), nunet_core::camera::MountError>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mount {
@@ -42,16 +42,16 @@ impl Mount {
     /// # Errors
     /// Numbers that are not finite, a position beyond 1 km, angles beyond a turn, a camera that is not above
     /// the floor, or one that looks up by more than 80 degrees.
-    pub fn new(position_m: [f64; 3], roll_pitch_yaw_rad: [f64; 3]) -> Result<Self, ObstacleError> {
+    pub fn new(position_m: [f64; 3], roll_pitch_yaw_rad: [f64; 3]) -> Result<Self, MountError> {
         let [x, y, z] = position_m;
         let [roll, pitch, yaw] = roll_pitch_yaw_rad;
         let named = [("x", x), ("y", y), ("z", z), ("roll", roll), ("pitch", pitch), ("yaw", yaw)];
         if let Some((what, value)) = named.into_iter().find(|(_, value)| !value.is_finite()) {
-            return Err(ObstacleError::MountNotFinite { what, value });
+            return Err(MountError::NotFinite { what, value });
         }
         check_pose(position_m, roll_pitch_yaw_rad)?;
         if z <= 0.0 {
-            return Err(ObstacleError::CameraBelowFloor { height_m: z });
+            return Err(MountError::CameraBelowFloor { height_m: z });
         }
         #[rustfmt::skip]
         let body_from_optical = Rotation3::from_matrix_unchecked(Matrix3::new(
@@ -62,7 +62,7 @@ impl Mount {
         let base_from_optical = Rotation3::from_euler_angles(roll, pitch, yaw) * body_from_optical;
         let elevation_deg = (base_from_optical * Vector3::z()).z.clamp(-1.0, 1.0).asin().to_degrees();
         if elevation_deg > MAX_ELEVATION_DEG {
-            return Err(ObstacleError::LooksUp { elevation_deg, max_deg: MAX_ELEVATION_DEG });
+            return Err(MountError::LooksUp { elevation_deg, max_deg: MAX_ELEVATION_DEG });
         }
         Ok(Self { position_m: position_m.into(), roll_pitch_yaw_rad, base_from_optical })
     }
@@ -71,7 +71,7 @@ impl Mount {
     ///
     /// # Errors
     /// Those of [`Self::new`].
-    pub fn with_attitude(&self, roll_rad: f64, pitch_rad: f64) -> Result<Self, ObstacleError> {
+    pub fn with_attitude(&self, roll_rad: f64, pitch_rad: f64) -> Result<Self, MountError> {
         Self::new(self.position_m(), [roll_rad, pitch_rad, self.roll_pitch_yaw_rad[2]])
     }
 
@@ -80,7 +80,7 @@ impl Mount {
     ///
     /// # Errors
     /// Those of [`Self::new`].
-    pub fn on_tilted_base(&self, roll_rad: f64, pitch_rad: f64) -> Result<Self, ObstacleError> {
+    pub fn on_tilted_base(&self, roll_rad: f64, pitch_rad: f64) -> Result<Self, MountError> {
         let [roll, pitch, yaw] = self.roll_pitch_yaw_rad;
         let tilt = Rotation3::from_euler_angles(roll_rad, pitch_rad, 0.0);
         let (roll, pitch, yaw) = (tilt * Rotation3::from_euler_angles(roll, pitch, yaw)).euler_angles();
@@ -128,14 +128,14 @@ impl Mount {
 ///
 /// # Errors
 /// It is farther, a coordinate is NaN, or the first angle that is larger.
-pub fn check_pose([x, y, z]: [f64; 3], [roll, pitch, yaw]: [f64; 3]) -> Result<(), ObstacleError> {
+pub fn check_pose([x, y, z]: [f64; 3], [roll, pitch, yaw]: [f64; 3]) -> Result<(), MountError> {
     let distance_m = x.hypot(y).hypot(z);
     if distance_m.is_nan() || distance_m > MAX_DISTANCE_M {
-        return Err(ObstacleError::MountTooFar { distance_m, max_m: MAX_DISTANCE_M });
+        return Err(MountError::TooFar { distance_m, max_m: MAX_DISTANCE_M });
     }
     let named = [("roll", roll), ("pitch", pitch), ("yaw", yaw)];
     match named.into_iter().find(|(_, value)| value.abs() > TAU) {
-        Some((what, value)) => Err(ObstacleError::MountAngle { what, value }),
+        Some((what, value)) => Err(MountError::Angle { what, value }),
         None => Ok(()),
     }
 }
@@ -145,7 +145,7 @@ mod tests {
     use super::*;
     use std::f64::consts::{FRAC_PI_2, PI};
 
-    fn kind(position: [f64; 3], rotation: [f64; 3]) -> ObstacleError {
+    fn kind(position: [f64; 3], rotation: [f64; 3]) -> MountError {
         Mount::new(position, rotation).unwrap_err()
     }
 
@@ -181,7 +181,7 @@ mod tests {
         }
         assert!(level.on_tilted_base(0.0, -0.2).unwrap().height_m() > level.height_m(), "the front rises");
         let upside_down = level.on_tilted_base(3.0, 0.0).unwrap_err();
-        assert!(matches!(upside_down, ObstacleError::CameraBelowFloor { .. }), "{upside_down}");
+        assert!(matches!(upside_down, MountError::CameraBelowFloor { .. }), "{upside_down}");
     }
 
     #[test]
@@ -199,26 +199,26 @@ mod tests {
 
     #[test]
     fn invalid_mounts_are_refused() {
-        assert!(matches!(kind([0.0, 0.0, 0.0], [0.0; 3]), ObstacleError::CameraBelowFloor { .. }));
-        assert!(matches!(kind([0.0, 0.0, -1.0], [0.0; 3]), ObstacleError::CameraBelowFloor { .. }));
-        assert!(matches!(kind([0.0, 0.0, 1.0], [0.0, -FRAC_PI_2, 0.0]), ObstacleError::LooksUp { .. }));
+        assert!(matches!(kind([0.0, 0.0, 0.0], [0.0; 3]), MountError::CameraBelowFloor { .. }));
+        assert!(matches!(kind([0.0, 0.0, -1.0], [0.0; 3]), MountError::CameraBelowFloor { .. }));
+        assert!(matches!(kind([0.0, 0.0, 1.0], [0.0, -FRAC_PI_2, 0.0]), MountError::LooksUp { .. }));
         // Pitch beyond straight down and upside down: what counts is where the axis points.
-        assert!(matches!(kind([0.0, 0.0, 1.0], [PI, FRAC_PI_2 * 3.0, 0.0]), ObstacleError::LooksUp { .. }));
+        assert!(matches!(kind([0.0, 0.0, 1.0], [PI, FRAC_PI_2 * 3.0, 0.0]), MountError::LooksUp { .. }));
         for degrees in [[15.0, 0.0, 0.0], [0.0, 15.0, 0.0], [0.0, 0.0, 90.0], [0.0, 0.0, -90.0]] {
             let error = kind([0.0, 0.0, 1.0], degrees);
-            assert!(matches!(error, ObstacleError::MountAngle { .. }), "{error}");
+            assert!(matches!(error, MountError::Angle { .. }), "{error}");
         }
         assert!(Mount::new([0.0, 0.0, 1.0], [0.0, 0.0, -TAU]).is_ok(), "a whole turn");
         assert!(Mount::new([600.0, 0.0, 800.0], [0.0; 3]).is_ok(), "1 km");
         for far in [[1001.0, 0.0, 1.0], [0.0, -1e300, 1.0], [0.0, 0.0, 1e308]] {
-            assert!(matches!(kind(far, [0.0; 3]), ObstacleError::MountTooFar { .. }), "{far:?}");
+            assert!(matches!(kind(far, [0.0; 3]), MountError::TooFar { .. }), "{far:?}");
         }
         for index in 0..6 {
             let mut numbers = [0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
             numbers[index] = f64::NAN;
             let [x, y, z, roll, pitch, yaw] = numbers;
             let error = kind([x, y, z], [roll, pitch, yaw]);
-            assert!(matches!(error, ObstacleError::MountNotFinite { .. }), "{error}");
+            assert!(matches!(error, MountError::NotFinite { .. }), "{error}");
         }
     }
 }
