@@ -162,6 +162,14 @@ def test_a_plan_that_cannot_be_is_an_error_with_its_file(text, message, tmp_path
     assert "plan.toml" in str(raised.value)
 
 
+def test_a_checkpoint_in_the_options_of_every_network_is_refused(tmp_path):
+    text = '[pretrained]\nseg = ""\n[networks]\na = "--architecture wnet_c"\n'
+    common = 'common = "--component depth --plug segmentation={seg}"\n'
+    with pytest.raises(DataError, match=r"`common` uses `{seg}`, but `common` is") as found:
+        read_plan(plan_file(tmp_path, text, common))
+    assert found.value.hint == "write `{seg}` into the options of the networks that start from it"
+
+
 @pytest.mark.parametrize("name", ["autoencoder", "losses", "nunets", "recurrent", "size"])
 def test_the_options_of_a_shipped_plan_are_those_of_train(name, tmp_path):
     plan = read_plan(LISTS / f"{name}.toml")

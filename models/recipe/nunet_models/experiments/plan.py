@@ -21,9 +21,9 @@ class Plan:
 
     `common` are options of `train` for every run; those of a run come after them and win.
     `pretrained` are trained once, in their order, and not measured: a network, or a later one of
-    them, starts from one by `{NAME}` in its options, which becomes the path of its checkpoint. Each
-    of `networks` is trained with every seed and measured. The first one is what the others are
-    compared with.
+    them, starts from one by `{NAME}` in its options (not in `common`), which becomes the path of
+    its checkpoint. Each of `networks` is trained with every seed and measured. The first one is
+    what the others are compared with.
     """
 
     common: tuple[str, ...]
@@ -86,7 +86,16 @@ def _options(path: Path, name: str, value: object) -> tuple[str, ...]:
 
 
 def _check_references(path: Path, plan: Plan) -> None:
-    """Refuse networks that start from one that is not trained before them."""
+    """Refuse networks that start from one that is not trained before them.
+
+    `common` cannot name any: it is also of the first pretrained network, before which is none.
+    """
+    for used in _PLACEHOLDER.findall(" ".join(plan.common)):
+        raise DataError(
+            f"`{path}`: `common` uses `{{{used}}}`, but `common` is of every network, also of the "
+            "pretrained ones",
+            hint=f"write `{{{used}}}` into the options of the networks that start from it",
+        )
     before: set[str] = set()
     for name, options in plan.pretrained.items():
         _check_used(path, name, options, before)
