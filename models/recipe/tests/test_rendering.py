@@ -3,9 +3,11 @@
 import csv
 import errno
 import importlib.util
+import json
 import multiprocessing
 import subprocess
 import sys
+from pathlib import Path
 from random import Random
 
 import numpy as np
@@ -27,6 +29,7 @@ from nunet_models.rendering.folder import (
 from nunet_models.rendering.intrinsics import HFOV_DEG, IMAGE_SIZES, random_intrinsics
 from nunet_models.rendering.robot_path import RobotPath
 from nunet_models.rendering.sensor import Metered, Sensor
+from nunet_models.rendering.sequence import write_camera
 
 NEEDS_BLENDER = pytest.mark.skipif(
     importlib.util.find_spec("bpy") is None, reason="needs Blender's module bpy"
@@ -166,6 +169,38 @@ def test_processes_that_share_a_folder_lose_no_room(tmp_path):
         worker.join(60)
     rows = read_rows(tmp_path / "intrinsics.csv")
     assert sorted(row["scene"] for row in rows) == sorted(name for each in names for name in each)
+
+
+def test_processes_may_write_the_same_file_at_the_same_moment(tmp_path, monkeypatch):
+    write, other = Path.write_bytes, []
+
+    def write_while_another_process_does(path, content):
+        written = write(path, content)
+        if not other:
+            other.append(path)
+            write_camera(tmp_path, CAMERA, 10)
+        return written
+
+    monkeypatch.setattr(Path, "write_bytes", write_while_another_process_does)
+    write_camera(tmp_path, CAMERA, 10)
+    assert json.loads((tmp_path / "camera.json").read_text())["fx"] == CAMERA.fx_px
+    assert [path.name for path in tmp_path.iterdir()] == ["camera.json"]
+
+
+def test_a_camera_file_that_is_the_same_is_kept_and_another_one_is_replaced(tmp_path):
+    write_camera(tmp_path, CAMERA, 10)
+    before = (tmp_path / "camera.json").stat()
+    write_camera(tmp_path, CAMERA, 10)
+    assert (tmp_path / "camera.json").stat().st_ino == before.st_ino
+    write_camera(tmp_path, CAMERA, 30)
+    assert json.loads((tmp_path / "camera.json").read_text())["frames_per_second"] == 30
+
+
+def test_a_file_that_cannot_be_written_leaves_nothing_behind(tmp_path):
+    (tmp_path / "camera.json").mkdir()
+    with pytest.raises(OSError, match="camera"):
+        write_camera(tmp_path, CAMERA, 10)
+    assert [path.name for path in tmp_path.iterdir()] == ["camera.json"]
 
 
 def test_rooms_are_split_by_name_and_no_room_is_in_both_lists(tmp_path):

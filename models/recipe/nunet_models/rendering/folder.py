@@ -10,6 +10,7 @@ import io
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from uuid import uuid4
 
 import numpy as np
 from PIL import Image
@@ -132,10 +133,22 @@ def append_lines(path: Path, lines: list[str], *, header: str | None = None) -> 
 
 
 def replace_file(path: Path, content: bytes) -> None:
-    """Write a file under a temporary name and rename it, so that no reader sees a partial file."""
-    temporary = path.with_name(f".{path.name}.part")
-    temporary.write_bytes(content)
-    temporary.replace(path)
+    """Write a file under a temporary name and rename it, so that no reader sees a partial file.
+
+    The temporary name is this call's own: several processes may write the same file at once.
+    """
+    temporary = path.with_name(f".{path.name}.{uuid4().hex}.part")
+    try:
+        temporary.write_bytes(content)
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def keep_file(path: Path, content: bytes) -> None:
+    """As `replace_file`, but a file that has this content already stays untouched."""
+    if not path.is_file() or path.read_bytes() != content:
+        replace_file(path, content)
 
 
 def replace_image(path: Path, image: Image.Image, **options: int) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from PIL import Image
 
 from nunet_models.classes import CLASSES_13
-from nunet_models.rendering.folder import replace_file, replace_image
+from nunet_models.rendering.folder import keep_file, replace_file, replace_image
 from nunet_models.rendering.intrinsics import Intrinsics
 
 FOLDERS = ("rgb", "depth", "labels")
@@ -31,7 +31,7 @@ def write_rgb(out: Path, identity: str, rgb: Image.Image, quality: int) -> None:
 
 
 def write_camera(out: Path, camera: Intrinsics, frames_per_second: float) -> None:
-    """`camera.json`: image size, intrinsics, frame rate, classes."""
+    """`camera.json`: image size, intrinsics, frame rate, classes; an equal file is kept."""
     described = {
         "width": camera.width,
         "height": camera.height,
@@ -42,7 +42,7 @@ def write_camera(out: Path, camera: Intrinsics, frames_per_second: float) -> Non
         "frames_per_second": frames_per_second,
         "classes": CLASSES_13,
     }
-    replace_file(out / "camera.json", (json.dumps(described, indent=2) + "\n").encode())
+    keep_file(out / "camera.json", (json.dumps(described, indent=2) + "\n").encode())
 
 
 def write_poses(out: Path, poses: dict[str, np.ndarray], *, name: str = "poses.csv") -> None:
