@@ -28,6 +28,10 @@ class ExportError(RecipeError):
     """An exported file does not compute what the trained network computes."""
 
 
+class RenderError(RecipeError):
+    """Less was rendered than was asked for."""
+
+
 def with_hint(message: str, hint: str | None) -> str:
     """A message and its hint in one line, as the command line prints them."""
     return message if hint is None else f"{message}; hint: {hint}"

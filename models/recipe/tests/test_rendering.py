@@ -7,8 +7,10 @@ import json
 import multiprocessing
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 from random import Random
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -27,6 +29,7 @@ from nunet_models.rendering.folder import (
     read_rows,
 )
 from nunet_models.rendering.intrinsics import HFOV_DEG, IMAGE_SIZES, random_intrinsics
+from nunet_models.rendering.outcome import render_missing
 from nunet_models.rendering.robot_path import RobotPath
 from nunet_models.rendering.sensor import Metered, Sensor
 from nunet_models.rendering.sequence import write_camera
@@ -201,6 +204,58 @@ def test_a_file_that_cannot_be_written_leaves_nothing_behind(tmp_path):
     with pytest.raises(OSError, match="camera"):
         write_camera(tmp_path, CAMERA, 10)
     assert [path.name for path in tmp_path.iterdir()] == ["camera.json"]
+
+
+def fake_blender(monkeypatch, images):
+    """Blender whose rooms and videos give as many images as `images` says by their name."""
+
+    def render(kind, options):
+        names = [f"s0{kind}{i:05d}" for i in range(options.start, options.start + options.rooms)]
+        folder = RoomsFolder(options.out, 0.0)
+
+        def render_one(name):
+            if count := images.get(name, 2):
+                write_room(folder, name, count)
+            return count
+
+        return render_missing(names, folder, render_one)
+
+    class Options(SimpleNamespace):
+        def of_kinds(self, names):
+            return self
+
+        of_view_kinds = of_kinds
+
+    modules = {
+        "generator": SimpleNamespace(Options=Options, render_rooms=partial(render, "r")),
+        "videos": SimpleNamespace(VideoOptions=Options, render_videos=partial(render, "v")),
+    }
+    monkeypatch.setattr(command, "_blender_module", modules.get)
+
+
+@pytest.mark.parametrize(
+    ("option", "kind", "lacks"), [("rooms", "r", "view"), ("videos", "v", "path")]
+)
+def test_rooms_without_a_view_or_a_path_are_counted_and_fail(
+    option, kind, lacks, monkeypatch, tmp_path, capsys
+):
+    fake_blender(monkeypatch, {f"s0{kind}00004": 0, f"s0{kind}00006": 0})
+    arguments = ["render", f"--{option}", "3", "--out", str(tmp_path)]
+    for _ in range(2):  # also where all others are complete already
+        assert main([*arguments, "--start", "4"]) == 1
+        assert (
+            f"nunet_models: 1 of 3 {option} are complete; no {lacks} was found for 2: "
+            f"`s0{kind}00004`, `s0{kind}00006`; hint: `--{option} 2 --start 7` renders as many"
+        ) in capsys.readouterr().err
+    assert main([*arguments, "--start", "7"]) == 0
+
+
+def test_nothing_rendered_at_all_fails_and_names_some_of_the_rooms(monkeypatch, tmp_path, capsys):
+    fake_blender(monkeypatch, {f"s0r{number:05d}": 0 for number in range(9)})
+    assert main(["render", "--rooms", "9", "--out", str(tmp_path)]) == 1
+    stderr = capsys.readouterr().err
+    assert "0 of 9 rooms are complete; no view was found for 9: `s0r00000`, " in stderr
+    assert "`s0r00004` ...; hint: " in stderr and "`s0r00005`" not in stderr
 
 
 def test_rooms_are_split_by_name_and_no_room_is_in_both_lists(tmp_path):

@@ -12,7 +12,7 @@ from sequences import Sequence
 
 from nunet_models.classes import IGNORE
 from nunet_models.rendering import command
-from nunet_models.rendering.robot_path import MARGIN_M, random_path
+from nunet_models.rendering.robot_path import MARGIN_M, checked_frames, random_path
 
 NEEDS_BLENDER = pytest.mark.skipif(
     importlib.util.find_spec("bpy") is None, reason="needs Blender's module bpy"
@@ -42,6 +42,18 @@ def test_a_random_path_repeats_with_its_seed():
 def test_no_path_fits_into_a_room_that_is_too_small():
     assert random_path(Random(0), (1.2, 1.2), 2.0) is None
     assert random_path(Random(0), (1.2, 9.0), 2.0) is not None
+
+
+@pytest.mark.parametrize("frames", [2, 3, 7, 40, 10_000])
+def test_a_video_is_checked_from_its_first_to_its_last_frame(frames):
+    checked = checked_frames(frames)
+    assert checked[0] == (frames - 1, True), "the end refuses most paths"
+    showing = sorted(frame for frame, shows in checked if shows)
+    assert showing[0] == 0 and len(showing) == min(frames, 5)
+    gaps = np.diff(showing)
+    assert gaps.max() - gaps.min() <= 1
+    every = sorted(frame for frame, _ in checked)
+    assert len(set(every)) == len(every) and np.diff(every).max() <= 3
 
 
 @pytest.fixture(scope="module")

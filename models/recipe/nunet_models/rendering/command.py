@@ -15,9 +15,8 @@ from types import ModuleType
 
 from nunet_models.errors import ConfigError, OptionError
 from nunet_models.program import EXIT_FAILURE, run_program
+from nunet_models.rendering.outcome import MAX_ROOMS, require_all
 
-MAX_ROOMS = 100_000
-"""Rooms are numbered with five digits."""
 DEFAULT_FRAMES = 40
 MAX_FRAMES = 10_000
 """Frames of a video are numbered with four digits."""
@@ -113,11 +112,13 @@ def _render_rooms(options: argparse.Namespace) -> None:
         videos = _blender_module("videos")
         frames = DEFAULT_FRAMES if options.frames is None else options.frames
         wanted = videos.VideoOptions(rooms=options.videos, frames=frames, **values)
-        videos.render_videos(wanted.of_kinds(_listed(options.kinds)))
+        outcome = videos.render_videos(wanted.of_kinds(_listed(options.kinds)))
+        require_all(outcome, option="--videos", lacks="path", start=options.start)
     else:
         kinds, view_kinds = _listed(options.kinds), _listed(options.view_kinds)
         wanted = generator.Options(rooms=options.rooms, **values)
-        generator.render_rooms(wanted.of_kinds(kinds).of_view_kinds(view_kinds))
+        outcome = generator.render_rooms(wanted.of_kinds(kinds).of_view_kinds(view_kinds))
+        require_all(outcome, option="--rooms", lacks="view", start=options.start)
 
 
 def _listed(names: str | None) -> list[str] | None:

@@ -21,6 +21,7 @@ from nunet_models.rendering.fast import FastRenderer
 from nunet_models.rendering.folder import Placement, Rendered, RoomsFolder, replace_image
 from nunet_models.rendering.intrinsics import Intrinsics
 from nunet_models.rendering.kinds import DEFAULT_KINDS, KINDS, build
+from nunet_models.rendering.outcome import Outcome, render_missing
 from nunet_models.rendering.scene import clear
 from nunet_models.rendering.sensor import Sensor
 from nunet_models.rendering.viewpoints import VIEW_KINDS, View, ViewFinder
@@ -69,16 +70,13 @@ class Options:
         return room if self.view_kinds is None else dict.fromkeys(self.view_kinds, 1.0)
 
 
-def render_rooms(options: Options) -> int:
-    """Render all rooms that are not complete yet; the number of images that were written."""
+def render_rooms(options: Options) -> Outcome:
+    """Render all rooms that are not complete yet."""
     folder = RoomsFolder(options.out, options.test_share)
     photos = render_photos(options)
-    count = 0
-    for index in range(options.start, options.start + options.rooms):
-        name = f"s{options.seed}r{index:05d}"
-        if not folder.is_complete(name):
-            count += _render_room(name, folder, photos, options)
-    return count
+    numbers = range(options.start, options.start + options.rooms)
+    names = (f"s{options.seed}r{index:05d}" for index in numbers)
+    return render_missing(names, folder, lambda name: _render_room(name, folder, photos, options))
 
 
 def _render_room(name: str, folder: RoomsFolder, photos: list[str], options: Options) -> int:

@@ -17,6 +17,10 @@ BETWEEN_M = (0.5, 1.0)
 TURN_DEG = 35.0
 """Standard deviation of the change of direction at such a waypoint."""
 ATTEMPTS = 50
+CHECKED_EVERY = 3
+"""Frames between two that are checked for things too near to the camera."""
+SHOWING = 5
+"""Frames of a video, evenly spread from the first to the last, that must show things."""
 
 
 class RobotPath:
@@ -63,6 +67,17 @@ def random_path(random: Random, size: tuple[float, float], length_m: float) -> R
             if all(_is_inside(point, size) for point in path.samples(0.05)):
                 return path
     return None
+
+
+def checked_frames(frames: int) -> list[tuple[int, bool]]:
+    """Frames of a video to check before it is rendered, and whether each must show things.
+
+    Those that must come first, because they refuse most paths, and the last frame before all.
+    """
+    showing = {round(place) for place in np.linspace(0, frames - 1, SHOWING)}
+    others = set(range(0, frames, CHECKED_EVERY)) - showing
+    first = [(frame, True) for frame in sorted(showing, reverse=True)]
+    return first + [(frame, False) for frame in sorted(others)]
 
 
 def _random_waypoints(

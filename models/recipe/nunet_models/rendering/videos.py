@@ -21,7 +21,8 @@ from nunet_models.rendering.floorplan import Rectangle
 from nunet_models.rendering.folder import Rendered, RoomsFolder
 from nunet_models.rendering.furnisher import Furnisher
 from nunet_models.rendering.generator import SENSOR_NAME, Options, render_photos
-from nunet_models.rendering.robot_path import RobotPath, random_path
+from nunet_models.rendering.outcome import Outcome, render_missing
+from nunet_models.rendering.robot_path import RobotPath, checked_frames, random_path
 from nunet_models.rendering.scene import clear
 from nunet_models.rendering.sensor import Metered, Sensor
 from nunet_models.rendering.viewpoints import LOW, MIN_THINGS_DRIVING, View, ViewFinder
@@ -33,9 +34,7 @@ SLOWER = (1.0, 0.7, 0.4, 0.2)
 """Factors on the speed that are tried in turn until a path fits into the room."""
 CLEARANCE_M = 0.56
 """Furniture leaves a lane of this width."""
-ATTEMPTS = 8
-CHECKED_EVERY = 3
-"""Frames between two that are checked for things too near to the camera."""
+ATTEMPTS = 20
 
 
 @dataclass(frozen=True)
@@ -57,18 +56,15 @@ class Ride:
         return View(LOW, CAMERA, pose(self.path, frame, self.robot))
 
 
-def render_videos(options: VideoOptions) -> int:
-    """Render all videos that are not complete yet; the number of frames that were written."""
+def render_videos(options: VideoOptions) -> Outcome:
+    """Render all videos that are not complete yet."""
     folder = RoomsFolder(options.out, options.test_share)
     (options.out / "poses").mkdir(exist_ok=True)
     sequence.write_camera(options.out, CAMERA, FRAMES_PER_SECOND)
     photos = render_photos(options)
-    count = 0
-    for index in range(options.start, options.start + options.rooms):
-        name = f"s{options.seed}v{index:05d}"
-        if not folder.is_complete(name):
-            count += _render_video(name, folder, photos, options)
-    return count
+    numbers = range(options.start, options.start + options.rooms)
+    names = (f"s{options.seed}v{index:05d}" for index in numbers)
+    return render_missing(names, folder, lambda name: _render_video(name, folder, photos, options))
 
 
 def _render_video(name: str, folder: RoomsFolder, photos: list[str], options: VideoOptions) -> int:
@@ -137,13 +133,12 @@ def _keep_free(path: RobotPath, furnisher: Furnisher) -> None:
 
 
 def _is_watchable(ride: Ride, random: Random, room: kinds.Room, frames: int) -> bool:
-    """Whether the first frame shows things, and no frame is inside of one or too near to it."""
+    """Whether the video shows things to its end, and no frame is inside of one or too near."""
     finder = ViewFinder(random, room.size)
-    for frame in range(0, frames, CHECKED_EVERY):
-        things = 0 if frame else MIN_THINGS_DRIVING
-        if not finder.is_good(CAMERA, ride.view(frame).pose, 0.0, things):
-            return False
-    return True
+    return all(
+        finder.is_good(CAMERA, ride.view(frame).pose, 0.0, MIN_THINGS_DRIVING if shows else 0)
+        for frame, shows in checked_frames(frames)
+    )
 
 
 def _render_frames(
