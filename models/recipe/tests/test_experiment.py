@@ -112,10 +112,11 @@ def test_a_pretrained_network_starts_from_one_above_it(experiment, tmp_path, cap
 
 
 def test_a_network_that_fails_does_not_stop_the_others(experiment, tmp_path, capsys):
-    plan = '[networks]\na = "--plug segmentation=absent.pt"\nb = "--architecture unet"\n'
-    assert experiment(plan) == 1
+    camera = "--intrinsics 600,600,320,180@640x360"  # of another shape than the decoded images
+    plan = f'[networks]\na = "{camera}"\nb = "--architecture unet"\n'
+    assert experiment(plan, "--license", "CC0") == 1
     printed = capsys.readouterr()
-    assert "nunet_models: a-0: no checkpoint `absent.pt`" in printed.err
+    assert "nunet_models: a-0: `--intrinsics` is of images of 640x360" in printed.err
     assert "| b-0.onnx |" in printed.out and "Differences" not in printed.out
 
 
@@ -131,6 +132,46 @@ def test_options_are_checked_before_the_first_network_is_trained(
     options, message, experiment, tmp_path, capsys
 ):
     assert experiment(f'[networks]\na = ""\nb = "{options}"\n') == 2
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+SEG = "--architecture wnet_c --component segmentation"
+AUTO = "--architecture autoencoder"
+FROM_AUTO = "--architecture wnet_c_auto --plug-decoder {auto}"
+
+
+@pytest.mark.parametrize(
+    ("options", "status", "message"),
+    [
+        ("--decoder best", 2, "`b-0`: `--decoder best`; expected lite or paper"),
+        ("--tasks depth,normals,depth", 1, "`b-0`: tasks `depth,normals,depth` do not fit"),
+        ("--architecture wnet_d", 1, "`b-0`: no architecture `wnet_d`"),
+        ("--backbone resnet19", 1, "`b-0`: no backbone `resnet19`"),
+        ("--component normals2", 1, "`b-0`: components are segmentation, depth"),
+        ("--imagenet", 1, "`b-0`: no ImageNet weights for backbone `tiny`"),
+        ("--plug segmentation=absent.pt", 1, "`b-0`: no checkpoint `absent.pt`"),
+        ("--plug depth={seg} --architecture unet", 1, "`b-0`: the weights do not fit component"),
+        ("--plug coarse1={seg}", 1, "`b-0`: no component `coarse1` in `wnet_c`"),
+        ("--start {seg} --inner-size 48 64", 1, "given `--inner-size 48 64`"),
+        (f"{FROM_AUTO} --decoder 8,8,8,8,8", 1, "has a decoder `8,8,8,6,4` of 64 latent channels"),
+        (
+            "--architecture unet --unfrozen --label-loss 1",
+            1,
+            "no component before `depth` segments",
+        ),
+        ("--patch 0.5", 2, "`b-0`: `--patch 0.5` is for `--sets`"),
+        ("--batch 5", 1, "`--batch 5` of them"),
+        ("--frames 2", 2, "`b-0`: `--frames 2`: `--component depth` of `wnet_c` has no state"),
+        (AUTO, 1, "`b-0`: `autoencoder` reads depth, and a model file reads an image"),
+        ("--intrinsics 60,60,64,48@128x96", 1, "hint: `--license TEXT` names the license"),
+    ],
+)
+def test_graphs_of_a_plan_are_checked_before_the_first_network_is_trained(
+    options, status, message, experiment, tmp_path, capsys
+):
+    pretrained = f'[pretrained]\nseg = "{SEG}"\nauto = "{AUTO}"\n'
+    assert experiment(f'{pretrained}[networks]\na = ""\nb = "{options}"\n') == status
     assert message in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 

@@ -1,6 +1,7 @@
 """The subcommand `experiment`."""
 
 import argparse
+import copy
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from nunet_models.experiments.network import Network, carry_out, data_arguments,
 from nunet_models.experiments.plan import Plan, read_plan
 from nunet_models.files import check_output_folder
 from nunet_models.program import EXIT_FAILURE, error_text
+from nunet_models.zoo.checkpoint import Checkpoint
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
@@ -50,6 +52,7 @@ def run(options: argparse.Namespace) -> int:
     every = [*pretrained, *(network for seeds in networks.values() for network in seeds)]
     for network in every:
         network.check()
+    _check_graphs(pretrained, [seeds[0] for seeds in networks.values()], options)
     options.out.mkdir(parents=True, exist_ok=True)
     failed = set()
     for place, network in enumerate(every, start=1):
@@ -67,6 +70,24 @@ def run(options: argparse.Namespace) -> int:
     if measured:
         _report(options.out, measured, compared=measured[0] is next(iter(networks.values())))
     return EXIT_FAILURE if failed else 0
+
+
+def _check_graphs(
+    pretrained: list[Network], networks: list[Network], options: argparse.Namespace
+) -> None:
+    """Build every graph of the plan once, so that no option is refused after hours of training.
+
+    Checkpoints that the plan will make are those that its networks foresee.
+    """
+    made: dict[Path, Checkpoint] = {}
+
+    def load(path: Path) -> Checkpoint:
+        return copy.deepcopy(made[path]) if path in made else Checkpoint.load(path)
+
+    for network in pretrained:
+        made[network.best] = network.foreseen(load)
+    for network in networks:
+        network.check_export(network.foreseen(load), options)
 
 
 def _network(

@@ -5,15 +5,17 @@ import contextlib
 import io
 import json
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
-from nunet_models.errors import OptionError
+from nunet_models.errors import OptionError, RecipeError
 from nunet_models.evaluation import command as evaluate_command
 from nunet_models.export import command as export_command
 from nunet_models.reporting import command as report_command
 from nunet_models.training import command as train_command
+from nunet_models.training.graph import LoadCheckpoint
 from nunet_models.training.trainer import Trainer
 from nunet_models.zoo.checkpoint import Checkpoint
 
@@ -67,11 +69,42 @@ class Network:
         return self.folder / f"{self.name}.{suffix}"
 
     def check(self) -> None:
-        """Refuse options that `train` would refuse, before the experiment begins."""
-        try:
+        """Refuse options that `train` would refuse without a look at any file."""
+        with self._named_errors():
             train_command.settings_of(parse(*self._train()))
-        except OptionError as error:
-            raise OptionError(f"`{self.name}`: {error}", hint=error.hint) from error
+
+    def foreseen(self, load: LoadCheckpoint) -> Checkpoint:
+        """What `train` will leave in `best`, with initial weights; nothing is trained or written.
+
+        `load` reads the checkpoints that the options name, also of networks that do not exist yet.
+
+        # Errors
+        Those of `train` that need no decoded data, and begin with the name of the network.
+        """
+        with self._named_errors(), contextlib.redirect_stderr(io.StringIO()):
+            settings, graph, before = train_command.prepare(parse(*self._train()), load)
+        name, last_epoch = settings.component, {"epoch": settings.epochs}
+        return Checkpoint(
+            graph.spec,
+            graph.state_dict(),
+            history={**before.history, name: [last_epoch]},
+            settings={**before.settings, name: settings.to_json()},
+        )
+
+    def check_export(self, foreseen: Checkpoint, options: argparse.Namespace) -> None:
+        """Refuse a network that `export` would refuse once it is trained."""
+        random = _untrained(foreseen)
+        with self._named_errors():
+            export_command.require_exportable(
+                foreseen, self.best, random=random, license_text=options.license
+            )
+
+    @contextlib.contextmanager
+    def _named_errors(self) -> Iterator[None]:
+        try:
+            yield
+        except RecipeError as error:
+            raise type(error)(f"`{self.name}`: {error}", hint=error.hint) from error
 
     def train(self) -> None:
         """Train to the end, from where an earlier call was interrupted.
@@ -94,7 +127,9 @@ class Network:
     def measure(self, options: argparse.Namespace, *, with_baseline: bool) -> None:
         """Write its model file, its result and a row per image."""
         license_text = ("--license", options.license) if options.license else ()
-        random = [word for name in self._untrained() for word in ("--random", name)]
+        random = [
+            word for name in _untrained(Checkpoint.load(self.best)) for word in ("--random", name)
+        ]
         model = self.file("onnx")
         carry_out("export", "--checkpoint", self.best, "--out", model, *random, *license_text)
         baseline = ("--baseline-ids", options.train_ids) if with_baseline else ()
@@ -107,12 +142,13 @@ class Network:
         partial.write_text(result, encoding="utf-8")
         partial.replace(self.file("json"))
 
-    def _untrained(self) -> list[str]:
-        """Its components that keep their random weights, for a control."""
-        checkpoint, found = Checkpoint.load(self.best), []
-        while (name := checkpoint.untrained_component(besides=found)) is not None:
-            found.append(name)
-        return found
+
+def _untrained(checkpoint: Checkpoint) -> list[str]:
+    """Components that keep their random weights, for a control."""
+    found: list[str] = []
+    while (name := checkpoint.untrained_component(besides=found)) is not None:
+        found.append(name)
+    return found
 
 
 def data_arguments(options: argparse.Namespace) -> list[str]:

@@ -146,14 +146,9 @@ def _checkpoint(options: argparse.Namespace) -> Checkpoint:
 
 def _trained(options: argparse.Namespace) -> tuple[SerialGraph, Provenance]:
     checkpoint = _checkpoint(options)
-    _require_image(checkpoint.spec)
-    _require_trained(checkpoint, options.checkpoint, random=options.random)
-    if checkpoint.spec.camera != NYU_CAMERA and not options.license:
-        raise ConfigError(
-            f"`{options.checkpoint}` was trained with another camera than NYU Depth V2's, whose "
-            "license text is the default",
-            hint="`--license TEXT` names the license of the images",
-        )
+    require_exportable(
+        checkpoint, options.checkpoint, random=options.random, license_text=options.license
+    )
     if not options.license:
         print(
             with_hint(
@@ -178,6 +173,24 @@ def _trained(options: argparse.Namespace) -> tuple[SerialGraph, Provenance]:
         accuracy=accuracy,
         license_text=options.license or DATA_LICENSE,
     )
+
+
+def require_exportable(
+    checkpoint: Checkpoint, path: Path, *, random: Sequence[str], license_text: str | None
+) -> None:
+    """Refuse a checkpoint that cannot become a model file; `path` is for the message.
+
+    # Errors
+    `ConfigError` for a network that reads no image or is untrained, and for one of unknown data.
+    """
+    _require_image(checkpoint.spec)
+    _require_trained(checkpoint, path, random=random)
+    if checkpoint.spec.camera != NYU_CAMERA and not license_text:
+        raise ConfigError(
+            f"`{path}` was trained with another camera than NYU Depth V2's, whose license text is "
+            "the default",
+            hint="`--license TEXT` names the license of the images",
+        )
 
 
 def _require_image(spec: GraphSpec) -> None:

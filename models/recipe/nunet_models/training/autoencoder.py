@@ -52,34 +52,39 @@ def check_autoencoder_options(options: argparse.Namespace, spec: GraphSpec) -> N
 
 
 def plug_decoder(
-    component: Component, spec: GraphSpec, options: argparse.Namespace, *, is_trained: bool
+    component: Component,
+    spec: GraphSpec,
+    options: argparse.Namespace,
+    *,
+    decoder: Checkpoint | None,
+    is_trained: bool,
 ) -> None:
     """Take and freeze the decoder, as the options say.
 
-    `is_trained` says whether the component has the weights of a training already.
+    `decoder` is the checkpoint of `--plug-decoder`, and `is_trained` says whether the component has
+    the weights of a training already.
 
     # Errors
     `ConfigError` for the checkpoint of a network whose decoder does not fit or was not trained,
     `OptionError` if random weights would be frozen.
     """
-    if options.plug_decoder:
-        other = Checkpoint.load(options.plug_decoder)
-        last = other.spec.components[-1]
+    if decoder is not None:
+        last = decoder.spec.components[-1]
         mine = _decoder(component.spec.latent, component.spec.decoder_channels, spec.encoding)
-        its = _decoder(last.latent, last.decoder_channels, other.spec.encoding)
+        its = _decoder(last.latent, last.decoder_channels, decoder.spec.encoding)
         if mine != its:
             raise ConfigError(
                 f"`--plug-decoder {options.plug_decoder}` has {its}; expected {mine}",
                 hint="an autoencoder that was trained with the same `--decoder` and `--encoding`",
             )
-        if not other.history.get(last.name):
+        if not decoder.history.get(last.name):
             raise ConfigError(
                 f"`--plug-decoder {options.plug_decoder}`: its `{last.name}` was not trained",
                 hint="`train --architecture autoencoder --component depth` trains a decoder",
             )
-        take_decoder(component, other.component_weights(last.name))
+        take_decoder(component, decoder.component_weights(last.name))
     if options.freeze_decoder:
-        if not (options.plug_decoder or is_trained):
+        if decoder is None and not is_trained:
             raise OptionError(
                 "`--freeze-decoder` would keep random weights",
                 hint="`--plug-decoder CHECKPOINT` takes trained ones",

@@ -22,12 +22,18 @@ from nunet_models.errors import ConfigError, OptionError, with_hint
 from nunet_models.files import check_output_folder
 from nunet_models.tasks.inner import truth_of
 from nunet_models.training.feed import FolderFeed, SetsFeed
-from nunet_models.training.graph import add_graph_options, build_graph, require_shape
+from nunet_models.training.graph import (
+    LoadCheckpoint,
+    add_graph_options,
+    build_graph,
+    require_shape,
+)
 from nunet_models.training.provenance import run_provenance
 from nunet_models.training.schedule import SCHEDULES
 from nunet_models.training.settings import AUGMENTATIONS, Settings
-from nunet_models.training.trainer import OPTIMIZERS, Trainer
-from nunet_models.zoo import GraphSpec
+from nunet_models.training.trainer import OPTIMIZERS, Trainer, require_segmentation
+from nunet_models.zoo import GraphSpec, SerialGraph
+from nunet_models.zoo.checkpoint import Checkpoint
 from nunet_models.zoo.confidence import CONFIDENCE
 
 SHARED_SHOWN = 3  # of the ids that two lists share
@@ -109,8 +115,16 @@ def settings_of(options: argparse.Namespace) -> Settings:
     return Settings(**{s.name: getattr(options, s.name) for s in fields(Settings)})
 
 
-def run(options: argparse.Namespace) -> int:
-    """Carry out `train`."""
+def prepare(
+    options: argparse.Namespace, load: LoadCheckpoint = Checkpoint.load
+) -> tuple[Settings, SerialGraph, Checkpoint]:
+    """Settings, graph, and the checkpoint that it continues: all that needs no decoded data.
+
+    `load` reads the checkpoints that the options name.
+
+    # Errors
+    `ConfigError` for options that do not fit each other, the id lists or the checkpoints.
+    """
     settings = settings_of(options)
     if options.minutes is not None and not options.minutes > 0.0:
         raise OptionError(
@@ -124,8 +138,18 @@ def run(options: argparse.Namespace) -> int:
     if options.sets is None:
         _check_ids(options)
     torch.manual_seed(settings.seed)
-    graph, before = build_graph(options)
+    graph, before = build_graph(options, load)
+    require_segmentation(graph.spec, settings)
+    if options.sets is None:
+        _check_folder_options(options, graph.spec)
+    return settings, graph, before
+
+
+def run(options: argparse.Namespace) -> int:
+    """Carry out `train`."""
+    settings, graph, before = prepare(options)
     feed = _sets_feed(options) if options.sets else _folder_feed(options, graph.spec)
+    last = options.folder / Trainer.LAST
     _print_assumed_camera(options, graph.spec, resuming=last.exists())
     before.provenance[settings.component] = run_provenance(options, feed.provenance(options))
     trainer = Trainer(graph, settings, feed=feed, folder=options.folder, before=before)
@@ -136,10 +160,16 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _folder_feed(options: argparse.Namespace, spec: GraphSpec) -> FolderFeed:
+def _check_folder_options(options: argparse.Namespace, spec: GraphSpec) -> None:
+    """Refuse options of `--sets`, and labels that `--data` cannot have."""
     if options.epoch_images is not None:
         raise OptionError(f"`--epoch-images {options.epoch_images}` is for `--sets`")
+    if options.patch != 1.0:
+        raise OptionError(f"`--patch {options.patch}` is for `--sets`")
     _check_labels(options, spec)
+
+
+def _folder_feed(options: argparse.Namespace, spec: GraphSpec) -> FolderFeed:
     train, val = (open_cached(options, ids) for ids in (options.train_ids, options.val_ids))
     if options.intrinsics:
         require_shape(spec.camera, train)

@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import get_args
@@ -22,6 +23,8 @@ from nunet_models.zoo.confidence import CONFIDENCE
 from nunet_models.zoo.dense import DENSE
 from nunet_models.zoo.spec import DECODERS, Camera, Task, decoder_channels, decoder_name
 from nunet_models.zoo.weights import begin_with, imagenet_encoder, like_component
+
+LoadCheckpoint = Callable[[Path], Checkpoint]
 
 
 def add_graph_options(parser: argparse.ArgumentParser) -> None:
@@ -134,8 +137,12 @@ def _check_frames(options: argparse.Namespace, spec: GraphSpec) -> None:
         )
 
 
-def build_graph(options: argparse.Namespace) -> tuple[SerialGraph, Checkpoint]:
+def build_graph(
+    options: argparse.Namespace, load: LoadCheckpoint = Checkpoint.load
+) -> tuple[SerialGraph, Checkpoint]:
     """The graph to train, and the checkpoint whose history it continues.
+
+    `load` reads the checkpoints that the options name.
 
     # Errors
     `ConfigError` for options that do not fit each other or the checkpoints that they name.
@@ -144,7 +151,7 @@ def build_graph(options: argparse.Namespace) -> tuple[SerialGraph, Checkpoint]:
         if not 0.0 <= (share := getattr(options, name)) < 1.0:
             raise OptionError(f"`--{name.replace('_', '-')} {share}`; expected 0 <= x < 1")
     _check_of_confidence(options)
-    before = _started_from(options)
+    before = _started_from(options, load)
     graph = SerialGraph(_graph_spec(options, before))
     if before is not None:
         fresh = graph.state_dict() if graph.confidence is not None else {}  # its head may be new
@@ -152,7 +159,7 @@ def build_graph(options: argparse.Namespace) -> tuple[SerialGraph, Checkpoint]:
     before = before or Checkpoint(graph.spec, {})
     for plug in options.plug:
         name, _, path = plug.partition("=")
-        other = Checkpoint.load(Path(path))
+        other = load(Path(path))
         graph.component(name).load_weights(other.component_weights(name))
         before.history[name] = other.history.get(name, [])
         before.settings[name] = other.settings.get(name, {})
@@ -161,23 +168,24 @@ def build_graph(options: argparse.Namespace) -> tuple[SerialGraph, Checkpoint]:
         return graph, before
     component = graph.component(options.component)
     if options.begin_with:
-        _begin_with(component, options)
+        _begin_with(component, options, load)
     if options.imagenet:
         imagenet_encoder(component)
     if options.like:
-        like_component(component, _earlier(graph, options))
+        like_component(component, _earlier(graph, options, load))
     is_trained = bool(before.history.get(options.component) or options.begin_with)
-    plug_decoder(component, graph.spec, options, is_trained=is_trained)
+    decoder = load(options.plug_decoder) if options.plug_decoder else None
+    plug_decoder(component, graph.spec, options, decoder=decoder, is_trained=is_trained)
     return graph, before
 
 
-def _begin_with(component: Component, options: argparse.Namespace) -> None:
+def _begin_with(component: Component, options: argparse.Namespace, load: LoadCheckpoint) -> None:
     """Start a component from that of `--begin-with`, which reads and decodes the same.
 
     # Errors
     `ConfigError` for another decoder or input, whose weights may fit by chance.
     """
-    other = Checkpoint.load(options.begin_with)
+    other = load(options.begin_with)
     its, mine = other.spec.component(options.component), component.spec
     if (its.reads, its.latent) != (mine.reads, mine.latent):
         raise ConfigError(
@@ -188,11 +196,11 @@ def _begin_with(component: Component, options: argparse.Namespace) -> None:
     begin_with(component, other.component_weights(options.component))
 
 
-def _started_from(options: argparse.Namespace) -> Checkpoint | None:
+def _started_from(options: argparse.Namespace, load: LoadCheckpoint) -> Checkpoint | None:
     """The checkpoint of `--start`; without its confidence head if a component changes under it."""
     if options.start is None:
         return None
-    before = Checkpoint.load(options.start)
+    before = load(options.start)
     if options.component == CONFIDENCE or not before.spec.confidence:
         return before
     print(
@@ -228,11 +236,11 @@ def _check_of_confidence(options: argparse.Namespace) -> None:
         )
 
 
-def _earlier(graph: SerialGraph, options: argparse.Namespace) -> Component:
+def _earlier(graph: SerialGraph, options: argparse.Namespace, load: LoadCheckpoint) -> Component:
     """The component that `--like` names."""
     name, _, path = options.like.partition("=")
     if path:
-        return Checkpoint.load(Path(path)).graph().component(name)
+        return load(Path(path)).graph().component(name)
     if name == options.component:
         raise ConfigError(
             f"`--like {name}` names the component to train itself",

@@ -22,7 +22,7 @@ from nunet_models.training.objective import objective
 from nunet_models.training.same_run import graph_differences, provenance_differences
 from nunet_models.training.schedule import learning_rate_factor
 from nunet_models.training.settings import Settings
-from nunet_models.zoo import SerialGraph
+from nunet_models.zoo import GraphSpec, SerialGraph
 from nunet_models.zoo.checkpoint import Checkpoint
 
 SAVE_EVERY_S = 480.0  # a crash loses at most this much work
@@ -90,15 +90,8 @@ class Trainer:
                 )
 
     def _check_label_loss(self) -> None:
-        if not self.settings.label_loss:
-            return
-        earlier = self.graph.spec.components[: self.objective.index]
-        if not any(component.task == "segmentation" for component in earlier):
-            raise ConfigError(
-                f"`--label-loss`: no component before `{self.settings.component}` segments",
-                hint="leave the option out",
-            )
-        if not self.feed.has("labels")["training"]:
+        require_segmentation(self.graph.spec, self.settings)
+        if self.settings.label_loss and not self.feed.has("labels")["training"]:
             raise ConfigError("`--label-loss`: the training data has no labels")
 
     @property
@@ -282,6 +275,22 @@ class Trainer:
                 hint="the options it was started with, or another `--run` with "
                 f"`--start {self.folder / self.BEST}`",
             )
+
+
+def require_segmentation(spec: GraphSpec, settings: Settings) -> None:
+    """Refuse a loss of labels where no earlier component segments.
+
+    # Errors
+    `ConfigError` that names the component.
+    """
+    if not settings.label_loss:
+        return
+    index = spec.components.index(spec.component(settings.component))
+    if not any(component.task == "segmentation" for component in spec.components[:index]):
+        raise ConfigError(
+            f"`--label-loss`: no component before `{settings.component}` segments",
+            hint="leave the option out",
+        )
 
 
 def _optimizer(components: list[nn.Module], settings: Settings) -> torch.optim.Optimizer:
