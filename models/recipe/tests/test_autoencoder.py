@@ -1,5 +1,6 @@
 """The depth autoencoder, and its decoder in a network that reads images."""
 
+import json
 import math
 from dataclasses import replace
 
@@ -12,6 +13,7 @@ from nunet_models.cli import main
 from nunet_models.data.batches import Batch
 from nunet_models.errors import ConfigError
 from nunet_models.export.collections import tiny_spec
+from nunet_models.export.metadata import DATA_LICENSE
 from nunet_models.export.model_file import Provenance, export_fused
 from nunet_models.export.onnx_file import read_metadata
 from nunet_models.export.untrained import untrained_graph
@@ -286,3 +288,46 @@ def test_a_network_with_the_decoder_is_exported_and_the_autoencoder_is_not(auto,
             capsys.readouterr().err
         )
     assert not (tmp_path / "auto.onnx").exists()
+
+
+def test_a_file_names_data_and_license_of_a_decoder_that_was_plugged_in(auto, tmp_path, capsys):
+    dataset, _ = auto
+    owner, seg, depth, onward = (tmp_path / name for name in ("auto", "seg", "depth", "on"))
+    camera = ("--intrinsics", "600,600,320,240@640x480")
+    how = (*AUTO, *camera, "--license", "CC0, our rooms")
+    assert train(dataset, owner, *how, component="depth", epochs=1) == 0
+    assert train(dataset, seg, *WNET, component="segmentation", epochs=1) == 0
+    plug = (*WNET, "--plug", f"segmentation={seg / 'best.pt'}")
+    decoder = ("--plug-decoder", str(owner / "best.pt"))
+    assert train(dataset, depth, *plug, *decoder, component="depth", epochs=1) == 0
+    start = ("--start", str(depth / "best.pt"), "--no-bf16")
+    assert train(dataset, onward, *start, component="depth", epochs=1) == 0
+
+    its = Checkpoint.load(owner / "best.pt").provenance["depth"]
+    for of in (depth, onward):
+        capsys.readouterr()
+        export = ["export", "--checkpoint", str(of / "best.pt"), "--out", str(tmp_path / "w.onnx")]
+        assert main(export) == 0
+        values = read_metadata(tmp_path / "w.onnx")
+        known = json.loads(values["nunet.training"])["depth"]["decoder"]
+        assert known["data"] == its["data"] and known["data"]["name"] == "rooms"
+        assert known["license"] == "CC0, our rooms" and known["camera"]["fx"] == 600.0
+        assert (known["component"], known["epochs_done"]) == ("depth", 1)
+        assert values["nunet.license"] == (
+            f"`segmentation`, `depth`: {DATA_LICENSE}; the decoder of `depth`: CC0, our rooms"
+        )
+        assert f"the license is `{values['nunet.license']}`" in capsys.readouterr().err
+
+
+def test_a_decoder_of_another_camera_needs_a_license(auto, tmp_path, capsys):
+    dataset, _ = auto
+    owner, depth = tmp_path / "auto", tmp_path / "depth"
+    camera = ("--intrinsics", "600,600,320,240@640x480")
+    assert train(dataset, owner, *AUTO, *camera, component="depth", epochs=1) == 0
+    how = (*WNET, "--unfrozen", "--plug-decoder", str(owner / "best.pt"))
+    assert train(dataset, depth, *how, component="depth", epochs=1) == 0
+    export = ["export", "--checkpoint", str(depth / "best.pt"), "--out", str(tmp_path / "w.onnx")]
+    assert main(export) == 1
+    assert "the decoder of `depth` of `" in capsys.readouterr().err
+    assert main([*export, "--license", "CC BY 4.0"]) == 0
+    assert read_metadata(tmp_path / "w.onnx")["nunet.license"] == "CC BY 4.0"

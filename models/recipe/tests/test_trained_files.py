@@ -155,6 +155,23 @@ def test_defaults_of_camera_and_license_are_printed(dataset, tmp_path, capsys):
     assert "license" not in capsys.readouterr().err
 
 
+def test_the_license_of_a_plugged_component_s_images_is_carried_into_the_file(dataset, tmp_path):
+    seg, depth, model = tmp_path / "seg", tmp_path / "depth", tmp_path / "model.onnx"
+    assert train(dataset, seg, "--license", "CC BY 4.0, A", epochs=1) == 0
+    plug = ("--plug", f"segmentation={seg / 'best.pt'}")
+    export = ["export", "--checkpoint", str(depth / "best.pt"), "--out", str(model)]
+    for text, expected in (
+        ("CC0", "`segmentation`: CC BY 4.0, A; `depth`: CC0"),
+        ("CC BY 4.0, A", "CC BY 4.0, A"),
+    ):
+        shutil.rmtree(depth, ignore_errors=True)
+        assert train(dataset, depth, *plug, "--license", text, component="depth", epochs=1) == 0
+        assert main(export) == 0
+        values = read_metadata(model)
+        assert values["nunet.license"] == expected
+        assert json.loads(values["nunet.training"])["segmentation"]["license"] == "CC BY 4.0, A"
+
+
 @pytest.mark.parametrize(
     ("text", "code", "word"),
     [

@@ -15,9 +15,8 @@ from nunet_models.evaluation import command as evaluate_command
 from nunet_models.export import command as export_command
 from nunet_models.reporting import command as report_command
 from nunet_models.training import command as train_command
-from nunet_models.training.graph import LoadCheckpoint
 from nunet_models.training.trainer import Trainer
-from nunet_models.zoo.checkpoint import Checkpoint
+from nunet_models.zoo.checkpoint import Checkpoint, LoadCheckpoint
 
 DATA_OPTIONS = ("data", "class_map", "depth_scale", "depth_offset", "window")
 _SUBCOMMANDS = (train_command, export_command, evaluate_command, report_command)
@@ -89,6 +88,7 @@ class Network:
             graph.state_dict(),
             history={**before.history, name: [last_epoch]},
             settings={**before.settings, name: settings.to_json()},
+            provenance=before.provenance,
         )
 
     def check_export(self, foreseen: Checkpoint, options: argparse.Namespace) -> None:

@@ -9,13 +9,13 @@ from nunet_models.errors import ConfigError, with_hint
 from nunet_models.export.annotate import read_accuracy
 from nunet_models.export.blend import blended, with_range
 from nunet_models.export.collections import export_paper, export_tiny
-from nunet_models.export.metadata import DATA_LICENSE
+from nunet_models.export.license import license_of
 from nunet_models.export.model_file import Provenance, export_fused, export_staged
 from nunet_models.export.split import split
 from nunet_models.export.untrained import untrained_graph
 from nunet_models.files import check_output_file
 from nunet_models.results import by_name
-from nunet_models.zoo import NYU_CAMERA, GraphSpec, SerialGraph, architecture_names, graph_spec
+from nunet_models.zoo import GraphSpec, SerialGraph, architecture_names, graph_spec
 from nunet_models.zoo.checkpoint import Checkpoint
 
 
@@ -41,7 +41,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
         "--license",
         metavar="TEXT",
         help="license of the weights and attribution of their data, for the metadata (default: "
-        "that of the model that ships, trained on NYU Depth V2)",
+        "what `train --license` stated, else that of NYU Depth V2)",
     )
     parser.add_argument(
         "--blend",
@@ -146,51 +146,42 @@ def _checkpoint(options: argparse.Namespace) -> Checkpoint:
 
 def _trained(options: argparse.Namespace) -> tuple[SerialGraph, Provenance]:
     checkpoint = _checkpoint(options)
-    require_exportable(
+    license_text = require_exportable(
         checkpoint, options.checkpoint, random=options.random, license_text=options.license
     )
     if not options.license:
         print(
             with_hint(
-                f"nunet_models: the license is `{DATA_LICENSE}`",
-                "`--license TEXT` for other images than NYU Depth V2's",
+                f"nunet_models: the license is `{license_text}`",
+                "`--license TEXT` for another one",
             ),
             file=sys.stderr,
         )
     accuracy = by_name(read_accuracy(options.accuracy)) if options.accuracy else {}
     training = {
-        component: {
-            **settings,
-            "epochs_done": checkpoint.history[component][-1]["epoch"],
-            **checkpoint.provenance.get(component, {}),
-        }
-        for component, settings in checkpoint.settings.items()
+        component: checkpoint.training_of(component)
+        for component in checkpoint.settings
         if checkpoint.history.get(component)
     }
     return checkpoint.graph(), Provenance(
         trained=not options.random,
         training=training,
         accuracy=accuracy,
-        license_text=options.license or DATA_LICENSE,
+        license_text=license_text,
     )
 
 
 def require_exportable(
     checkpoint: Checkpoint, path: Path, *, random: Sequence[str], license_text: str | None
-) -> None:
-    """Refuse a checkpoint that cannot become a model file; `path` is for the message.
+) -> str:
+    """The license of a checkpoint that can become a model file; `path` is for messages.
 
     # Errors
     `ConfigError` for a network that reads no image or is untrained, and for one of unknown data.
     """
     _require_image(checkpoint.spec)
     _require_trained(checkpoint, path, random=random)
-    if checkpoint.spec.camera != NYU_CAMERA and not license_text:
-        raise ConfigError(
-            f"`{path}` was trained with another camera than NYU Depth V2's, whose license text is "
-            "the default",
-            hint="`--license TEXT` names the license of the images",
-        )
+    return license_text or license_of(checkpoint, path)
 
 
 def _require_image(spec: GraphSpec) -> None:

@@ -23,17 +23,16 @@ from nunet_models.files import check_output_folder
 from nunet_models.tasks.inner import truth_of
 from nunet_models.training.feed import FolderFeed, SetsFeed
 from nunet_models.training.graph import (
-    LoadCheckpoint,
     add_graph_options,
     build_graph,
     require_shape,
 )
-from nunet_models.training.provenance import run_provenance
+from nunet_models.training.provenance import part_provenance, run_provenance
 from nunet_models.training.schedule import SCHEDULES
 from nunet_models.training.settings import AUGMENTATIONS, Settings
 from nunet_models.training.trainer import OPTIMIZERS, Trainer, require_segmentation
 from nunet_models.zoo import GraphSpec, SerialGraph
-from nunet_models.zoo.checkpoint import Checkpoint
+from nunet_models.zoo.checkpoint import Checkpoint, LoadCheckpoint
 from nunet_models.zoo.confidence import CONFIDENCE
 
 SHARED_SHOWN = 3  # of the ids that two lists share
@@ -73,6 +72,11 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
         type=Path,
         metavar="IMAGE",
         help="the image whose prediction each validation keeps (default: the first one of them)",
+    )
+    parser.add_argument(
+        "--license",
+        metavar="TEXT",
+        help="license and attribution of the images, recorded for `export`",
     )
     add_graph_options(parser)
     _add_settings(parser)
@@ -142,6 +146,7 @@ def prepare(
     require_segmentation(graph.spec, settings)
     if options.sets is None:
         _check_folder_options(options, graph.spec)
+    before.provenance[settings.component] = part_provenance(options, graph.spec, before, load)
     return settings, graph, before
 
 
@@ -151,7 +156,7 @@ def run(options: argparse.Namespace) -> int:
     feed = _sets_feed(options) if options.sets else _folder_feed(options, graph.spec)
     last = options.folder / Trainer.LAST
     _print_assumed_camera(options, graph.spec, resuming=last.exists())
-    before.provenance[settings.component] = run_provenance(options, feed.provenance(options))
+    before.provenance[settings.component] |= run_provenance(options, feed.provenance(options))
     trainer = Trainer(graph, settings, feed=feed, folder=options.folder, before=before)
     if options.resume and last.exists():
         trainer.resume()

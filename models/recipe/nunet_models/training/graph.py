@@ -2,7 +2,6 @@
 
 import argparse
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import get_args
@@ -18,13 +17,11 @@ from nunet_models.training.same_run import difference, graph_options
 from nunet_models.training.trainer import Trainer
 from nunet_models.zoo import Component, GraphSpec, SerialGraph, architecture_names, graph_spec
 from nunet_models.zoo.backbones import check_drop_path
-from nunet_models.zoo.checkpoint import Checkpoint
+from nunet_models.zoo.checkpoint import Checkpoint, LoadCheckpoint
 from nunet_models.zoo.confidence import CONFIDENCE
 from nunet_models.zoo.dense import DENSE
 from nunet_models.zoo.spec import DECODERS, Camera, Task, decoder_channels, decoder_name
 from nunet_models.zoo.weights import begin_with, imagenet_encoder, like_component
-
-LoadCheckpoint = Callable[[Path], Checkpoint]
 
 
 def add_graph_options(parser: argparse.ArgumentParser) -> None:

@@ -3,11 +3,14 @@
 import argparse
 import hashlib
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from nunet_models.data.pairs import MILLIMETER_M
 from nunet_models.data.sets.mixture import Mixture, mixture_summary
+from nunet_models.zoo import GraphSpec
+from nunet_models.zoo.checkpoint import Checkpoint, LoadCheckpoint
 
 
 def run_provenance(options: argparse.Namespace, data: dict[str, Any]) -> dict[str, Any]:
@@ -23,6 +26,26 @@ def run_provenance(options: argparse.Namespace, data: dict[str, Any]) -> dict[st
         "dropout": options.dropout,
         "drop_path": options.drop_path,
     }
+
+
+def part_provenance(
+    options: argparse.Namespace, spec: GraphSpec, before: Checkpoint, load: LoadCheckpoint
+) -> dict[str, Any]:
+    """Camera and license of the images, and the training of a decoder that was plugged in.
+
+    `decoder` has the form of a component in `nunet.training`. It stays with the weights if a later
+    run continues them, as what is known of a plugged component does.
+    """
+    found: dict[str, Any] = {"camera": asdict(spec.camera)}
+    if options.license:
+        found["license"] = options.license
+    if options.plug_decoder:
+        other = load(options.plug_decoder)
+        last = other.spec.components[-1].name
+        found["decoder"] = {"component": last, **other.training_of(last)}
+    elif decoder := before.provenance.get(options.component, {}).get("decoder"):
+        found["decoder"] = decoder
+    return found
 
 
 def folder_provenance(

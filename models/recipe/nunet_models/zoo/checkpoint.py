@@ -1,6 +1,6 @@
 """Checkpoints: written atomically; reading an incompatible one is an error."""
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
@@ -59,6 +59,14 @@ class Checkpoint:
                 unfrozen = self.settings.get(name, {}).get("unfrozen", False)
                 learned.update(names[: index + 1] if unfrozen else [name])
         return next((name for name in names if name not in learned), None)
+
+    def training_of(self, name: str) -> dict[str, Any]:
+        """How a trained component was trained, as `nunet.training` states it."""
+        return {
+            **self.settings.get(name, {}),
+            "epochs_done": self.history[name][-1]["epoch"],
+            **self.provenance.get(name, {}),
+        }
 
     def component_weights(self, name: str) -> dict[str, torch.Tensor]:
         """The averaged weights of the component called `name`, by its own keys."""
@@ -137,3 +145,6 @@ def _renamed(settings: dict[str, dict[str, Any]], names: dict[str, str]) -> dict
         component: {names.get(key, key): value for key, value in values.items()}
         for component, values in settings.items()
     }
+
+
+LoadCheckpoint = Callable[[Path], Checkpoint]
