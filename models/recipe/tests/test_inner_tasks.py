@@ -1,6 +1,7 @@
 """Normals and objectness: truth against values worked out by hand, losses and metrics."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from nunet_models.data.batches import Batch
 from nunet_models.tasks.inner import INNER_TASKS, truth_of
 from nunet_models.tasks.normals import REACH, surface_normals
 from nunet_models.tasks.objectness import box_maps
+from nunet_models.training import validate_inner as validate_inner_module
 from nunet_models.zoo import Camera, graph_spec
 
 SIZE = (24, 32)
@@ -222,3 +224,19 @@ def test_what_is_shown_is_between_0_and_1():
     assert INNER_TASKS["normals"].shown(toward).item() == 1.0
     assert INNER_TASKS["normals"].shown(-toward).item() == 0.0
     assert INNER_TASKS["objectness"].shown(torch.zeros(1, 2, 1, 1)).item() == 0.5
+
+
+def test_metrics_of_several_images_are_pooled_over_their_pixels():
+    normal = (0.0, 0.0, -1.0)
+    whole, part = plane(normal), plane(normal)
+    part[..., : SIZE[1] // 2] = torch.nan
+    right = torch.tensor(normal).reshape(1, 3, 1, 1).expand(1, 3, *SIZE)
+    graph = SimpleNamespace(spec=SPEC, confidence=None, components=[None] * 3)
+    answers = iter([right, right.roll(1, dims=1)])  # the second one is wrong by 90 degrees
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(validate_inner_module, "run_components", lambda *_: (next(answers), None))
+        batches = [Batch(torch.zeros(1, 3, *SIZE), d, None) for d in (whole, part)]
+        found = validate_inner_module.validate_inner(graph, batches, component=1, bf16=False)
+    pixels = [int(surface_normals(d, FOCAL).isfinite().all(dim=1).sum()) for d in (whole, part)]
+    assert pixels[0] > 1.5 * pixels[1] > 0
+    assert found["angle_deg"] == pytest.approx(90.0 * pixels[1] / sum(pixels), abs=0.1)

@@ -22,6 +22,10 @@ def validate_inner(
 ) -> dict[str, float]:
     """Metrics of component `component`, of one of `INNER_TASKS`, at the inner size.
 
+    They are pooled over the pixels of all images, as those of labels are, also of the images of a
+    dataset list. `evaluate` measures depth there, and averages it over scenes; it does not see
+    what stays inside of the model file, so that no number of it can be compared with these.
+
     # Errors
     `ConfigError` if no pixel has truth.
     """
