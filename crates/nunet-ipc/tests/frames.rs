@@ -106,6 +106,7 @@ proptest::proptest! {
         let publisher = publisher(&camera, &[Topic::Depth]);
         let mut readers: [Option<Reader>; 4] = std::array::from_fn(|_| None);
         let mut held: [Vec<Message>; 4] = Default::default();
+        let max_held_frames = Limits::default().max_held_frames;
         for (sequence, (who, action)) in actions.into_iter().enumerate() {
             match (action, &readers[who]) {
                 (0, None) => readers[who] = Some(depth_reader(&camera)),
@@ -113,7 +114,13 @@ proptest::proptest! {
                     held[who].clear(); // a frame keeps its reader's place in the service
                     readers[who] = None;
                 }
-                (2 | 3, Some(reader)) => held[who].extend(reader.latest(Topic::Depth).ok().flatten()),
+                (2 | 3, Some(reader)) => match reader.latest(Topic::Depth) {
+                    Ok(frame) => held[who].extend(frame),
+                    Err(error) => {
+                        let is_refusal = matches!(error, IpcError::TooManyFramesHeld { .. });
+                        assert!(is_refusal && held[who].len() == max_held_frames, "{error}");
+                    }
+                },
                 (4, Some(_)) if !held[who].is_empty() => drop(held[who].remove(0)),
                 _ => {}
             }
@@ -127,15 +134,20 @@ fn a_reader_that_held_all_its_frames_continues_with_the_newest_after_a_release()
     let camera = camera();
     let publisher = publisher(&camera, &[Topic::Depth]);
     let reader = depth_reader(&camera);
+    let max_held_frames = Limits::default().max_held_frames;
     let mut held = Vec::new();
-    for sequence in 0..5 {
+    for sequence in 0..max_held_frames as u64 {
         publish_depth(&publisher, sequence);
-        if let Ok(frame) = reader.latest(Topic::Depth) {
-            held.extend(frame);
-        }
+        held.push(latest(&reader));
+    }
+    for more in 0..3 {
+        publish_depth(&publisher, 100 + more);
+        let error = reader.latest(Topic::Depth).unwrap_err();
+        let IpcError::TooManyFramesHeld { topic: Topic::Depth, limit } = error else { panic!("{error}") };
+        assert_eq!(limit, max_held_frames);
     }
     held.remove(0);
-    assert_eq!(latest(&reader).header().sequence, 4);
+    assert_eq!(latest(&reader).header().sequence, 102);
 }
 
 #[test]

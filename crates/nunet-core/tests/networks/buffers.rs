@@ -1,10 +1,10 @@
 //! Where a run reads and writes: the caller's memory, at any alignment, and nowhere else.
 
-use nunet_core::graph::{GraphError, GraphInput, GraphOutputs, SerialGraph};
+use nunet_core::graph::{GraphError, GraphInput, GraphOutputs, SerialGraph, WiringError};
 use nunet_testkit::models;
 use nunet_testkit::onnx::{ModelBuilder, OnnxElement};
 
-use crate::{Folder, SIZE, image, pixels, refusal, ticking};
+use crate::{Folder, SIZE, error_of, image, pixels, ticking, wiring_error};
 
 fn wnet() -> SerialGraph {
     Folder::new().model("wnet.onnx", &models::wnet(SIZE, true)).load("wnet.onnx").unwrap()
@@ -128,10 +128,8 @@ fn a_last_operator_that_moves_nothing_still_writes_the_callers_memory() {
     assert_eq!(crate::run(&mut graph, &rgb).depth, red);
 }
 
-/// What the file promises and what it computes may differ: that is an error of the run, not a write past the
-/// end.
 #[test]
-fn a_model_whose_output_differs_from_its_signature_is_refused() {
+fn a_model_whose_output_has_another_rank_than_its_signature_is_refused_at_load() {
     let model = ModelBuilder::new()
         .input("rgb", OnnxElement::U8, &[1, 3, 6, 3])
         .node("Cast", &["rgb"], &["float"], &[("to", 1.into())])
@@ -139,12 +137,43 @@ fn a_model_whose_output_differs_from_its_signature_is_refused() {
         .node("Cast", &["where"], &["depth"], &[("to", 1.into())])
         .output("depth", OnnxElement::F32, &[1, 1, 3, 6]);
     let folder = Folder::new().model("liar.onnx", &models::describe(model, "liar", false));
-    let mut graph = match folder.load("liar.onnx") {
-        Err(error) => return drop(refusal(Err(error))),
-        Ok(graph) => graph,
-    };
-    let mut depth = [0.0; 18];
-    let outputs = GraphOutputs { depth: &mut depth, labels: None, confidence: None };
-    let error = graph.run(GraphInput::Rgb(&image(SIZE)), outputs, &ticking()).unwrap_err();
-    assert!(matches!(&error, GraphError::Run { stage, .. } if stage == "network"), "{error}");
+    let error = wiring_error(error_of(folder.load("liar.onnx")));
+    let WiringError::Result { role: "depth", reference, expected, .. } = &error else { panic!("{error}") };
+    assert_eq!((&**reference, &**expected), ("network.depth", "float32 [1, 1, 3, 6]"));
+}
+
+/// Depth is where the image is not 0: row, column and channel of each such value. Its width is 6 by the file,
+/// but as many as there are.
+fn places() -> ModelBuilder {
+    let model = ModelBuilder::new()
+        .input("rgb", OnnxElement::U8, &[1, 3, 6, 3])
+        .constant_i64("shape", &[3], &[3, 6, 3])
+        .constant_i64("axes", &[2], &[0, 1])
+        .node("Cast", &["rgb"], &["float"], &[("to", 1.into())])
+        .node("Reshape", &["float", "shape"], &["values"], &[])
+        .node("NonZero", &["values"], &["where"], &[])
+        .node("Unsqueeze", &["where", "axes"], &["places"], &[])
+        .node("Cast", &["places"], &["depth"], &[("to", 1.into())])
+        .output("depth", OnnxElement::F32, &[1, 1, 3, 6]);
+    models::describe(model, "places", false)
+}
+
+/// What the file promises and what it computes may differ: that is an error of the run, not a write past the
+/// end.
+#[test]
+fn an_output_of_another_size_than_its_signature_is_an_error_of_the_run() {
+    let mut graph = Folder::new().model("places.onnx", &places()).load("places.onnx").unwrap();
+    let mut memory = [-1.0; 18 + 64];
+    for count in [0, 5, 7, 54] {
+        let mut rgb = vec![0_u8; image(SIZE).len()];
+        rgb[..count].fill(1);
+        let outputs = GraphOutputs { depth: &mut memory[..18], labels: None, confidence: None };
+        let error = graph.run(GraphInput::Rgb(&rgb), outputs, &ticking()).unwrap_err();
+        assert!(matches!(&error, GraphError::Run { stage, .. } if stage == "network"), "{error}");
+        assert_eq!(memory[18..], [-1.0; 64], "{count}: nothing behind it is touched");
+    }
+    let mut rgb = vec![0_u8; image(SIZE).len()];
+    rgb[..6].fill(1);
+    let fitting: [[f32; 6]; 3] = [[0.0; 6], [0.0, 0.0, 0.0, 1.0, 1.0, 1.0], [0.0, 1.0, 2.0, 0.0, 1.0, 2.0]];
+    assert_eq!(crate::run(&mut graph, &rgb).depth, fitting.concat());
 }

@@ -271,21 +271,32 @@ mod tests {
         let created =
             |error| Box::new(EventOpenOrCreateError::EventCreateError(error)) as Box<dyn fmt::Debug>;
         let opened = |error| Box::new(EventOpenOrCreateError::EventOpenError(error)) as Box<dyn fmt::Debug>;
-        let errors: [(Box<dyn fmt::Debug>, Problem); 9] = [
-            (created(EventCreateError::InsufficientPermissions), Problem::Denied),
-            (created(EventCreateError::ServiceConfigCouldNotBeCreated), Problem::NotCreated),
-            (opened(EventOpenError::VersionMismatch), Problem::OtherVersion),
-            (opened(EventOpenError::ExceedsMaxNumberOfNodes), Problem::NoPlace),
-            (opened(EventOpenError::ServiceInCorruptedState), Problem::Damaged),
-            (Box::new(EventOpenOrCreateError::SystemInFlux), Problem::Busy),
-            (Box::new(LoanError::OutOfMemory), Problem::NotCreated),
-            (Box::new(PublisherCreateError::UnableToCreateDataSegment), Problem::NotCreated),
-            (Box::new(NodeCreationFailure::InternalError), Problem::Internal),
+        let errors: [(Box<dyn fmt::Debug>, &str, Problem); 9] = [
+            (created(EventCreateError::InsufficientPermissions), "InsufficientPermissions", Problem::Denied),
+            (
+                created(EventCreateError::ServiceConfigCouldNotBeCreated),
+                "ServiceConfigCouldNotBeCreated",
+                Problem::NotCreated,
+            ),
+            (opened(EventOpenError::VersionMismatch), "VersionMismatch", Problem::OtherVersion),
+            (opened(EventOpenError::ExceedsMaxNumberOfNodes), "ExceedsMaxNumberOfNodes", Problem::NoPlace),
+            (opened(EventOpenError::ServiceInCorruptedState), "ServiceInCorruptedState", Problem::Damaged),
+            (Box::new(EventOpenOrCreateError::SystemInFlux), "SystemInFlux", Problem::Busy),
+            (Box::new(LoanError::OutOfMemory), "OutOfMemory", Problem::NotCreated),
+            (
+                Box::new(PublisherCreateError::UnableToCreateDataSegment),
+                "UnableToCreateDataSegment",
+                Problem::NotCreated,
+            ),
+            (Box::new(NodeCreationFailure::InternalError), "InternalError", Problem::Internal),
         ];
-        for (error, expected) in errors {
-            let cause = IceoryxCause::new(&*error, std::env::temp_dir());
+        let root = std::env::temp_dir();
+        for (error, variant, expected) in errors {
+            assert_eq!(Problem::of(variant), expected, "{variant}");
             // A machine whose `/dev/shm` is full or closed explains some of them otherwise.
-            assert!(cause.problem == expected || expected.may_be_the_machine(), "{cause:?}");
+            let machine = expected.may_be_the_machine().then(|| on_this_machine(&root)).flatten();
+            let cause = IceoryxCause::new(&*error, root.clone());
+            assert_eq!(cause.problem, machine.unwrap_or(expected), "{variant}");
             assert!(!has_a_type_name(&cause.to_string()), "{cause}");
             let hint = cause.hint();
             assert!(!hint.is_empty() && !hint.ends_with('.'), "{hint}");
