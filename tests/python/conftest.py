@@ -22,6 +22,13 @@ COUNTER = itertools.count()
 MODEL = pathlib.Path(__file__).parents[2] / "models" / "tiny" / "tiny_wnet_c.onnx"
 
 
+def unavailable(reason, *, needs_root=False):
+    """Skips a test with the reason. CI must not skip: there it fails, if it needs root then as root alone."""
+    if os.environ.get("CI") == "true" and (not needs_root or os.geteuid() == 0):
+        pytest.fail(reason)
+    pytest.skip(reason)
+
+
 @pytest.fixture(scope="session")
 def nunetd():
     """The path of the daemon's binary. A missing one fails: these tests are never skipped."""

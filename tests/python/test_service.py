@@ -8,7 +8,7 @@ import socket
 import subprocess
 
 import pytest
-from conftest import MODEL
+from conftest import MODEL, unavailable
 
 CALIBRATION = """image_width: 1280
 image_height: 960
@@ -127,8 +127,9 @@ def test_the_unit_never_gives_a_camera_up():
     assert "StartLimitIntervalSec=0\n" in (DIST / "nunetd.service").read_text()
 
 
-@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd is not installed")
 def test_systemd_takes_the_unit(tmp_path):
+    if shutil.which("systemd-analyze") is None:
+        unavailable("systemd-analyze is not installed")
     unit = (DIST / "nunetd.service").read_text().replace("/usr/bin/nunetd", "/bin/true")
     (tmp_path / "nunetd.service").write_text(unit)
     done = subprocess.run(
