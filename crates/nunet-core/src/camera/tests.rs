@@ -187,6 +187,9 @@ fn reach(lens: &Distortion) -> f64 {
 }
 
 proptest! {
+    // Some lenses show nothing at most of the places that are drawn.
+    #![proptest_config(ProptestConfig { max_global_rejects: 1 << 16, ..ProptestConfig::default() })]
+
     #[test]
     fn undistort_inverts_distort(lens in lens(), far in 0.0..0.85f64, around in 0.0..std::f64::consts::TAU) {
         let radius = far * reach(&lens);
@@ -200,10 +203,10 @@ proptest! {
     #[test]
     fn distort_inverts_undistort(lens in lens(), x in -3.0..3.0f64, y in -3.0..3.0f64) {
         let seen = Point2::new(x, y);
-        if let Some(ray) = lens.undistort(seen) {
-            let distorted = lens.distort(ray);
-            prop_assert!(distorted.is_some_and(|back| (back - seen).norm() < 1e-9), "{seen} by {ray}: {distorted:?}");
-        }
+        let ray = lens.undistort(seen);
+        prop_assume!(ray.is_some());
+        let distorted = ray.and_then(|ray| lens.distort(ray));
+        prop_assert!(distorted.is_some_and(|back| (back - seen).norm() < 1e-9), "{seen} by {ray:?}: {distorted:?}");
     }
 
     #[test]
@@ -212,10 +215,12 @@ proptest! {
         let camera = Camera { intrinsics, distortion: lens };
         let resized = camera.scaled_to(width, height).unwrap();
         let point = [far * reach(&lens) * 2.0, 0.1, 2.0];
-        if let (Some([column, row]), Some([small_column, small_row])) = (camera.project(point), resized.project(point)) {
-            prop_assert!(((column + 0.5) / 640.0 - (small_column + 0.5) / f64::from(width)).abs() < 1e-12);
-            prop_assert!(((row + 0.5) / 480.0 - (small_row + 0.5) / f64::from(height)).abs() < 1e-12);
-        }
+        let (Some([column, row]), Some([small_column, small_row])) = (camera.project(point), resized.project(point))
+        else {
+            return Err(TestCaseError::reject("the lens does not show the point"));
+        };
+        prop_assert!(((column + 0.5) / 640.0 - (small_column + 0.5) / f64::from(width)).abs() < 1e-12);
+        prop_assert!(((row + 0.5) / 480.0 - (small_row + 0.5) / f64::from(height)).abs() < 1e-12);
     }
 
     #[test]

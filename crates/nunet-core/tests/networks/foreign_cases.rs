@@ -48,20 +48,39 @@ fn depth_of(graph: SerialGraph, camera: Option<Camera>, rgb: &[u8]) -> (Vec<f32>
 
 #[test]
 fn a_size_that_the_network_rounds_is_refused_with_both_sizes() {
-    let error = refused(case("patch14", |text| text));
-    let GraphError::DepthSize { width, height, depth_width, depth_height, .. } = error else {
-        panic!("{error}")
+    let sizes = |error: &GraphError| match *error {
+        GraphError::DepthSize { width, height, depth_width, depth_height, .. } => {
+            (width, height, depth_width, depth_height)
+        }
+        _ => panic!("{error}"),
     };
-    assert_eq!((width, height, depth_width, depth_height), (45, 30, 42, 28));
+    let enlarged = refused(case("patch14", |text| text.replace("[30, 45]", "[10, 45]")));
+    assert_eq!(sizes(&enlarged), (45, 10, 42, 14));
+    let error = refused(case("patch14", |text| text));
+    assert_eq!(sizes(&error), (45, 30, 42, 28));
     assert!(chain(&error).contains("hint: set `size = [28, 42]` in the sidecar"), "{}", chain(&error));
     assert_eq!(error.kind(), ErrorKind::Model);
 }
 
 #[test]
 fn a_size_at_which_the_network_fails_is_refused_with_the_size() {
-    let error = refused(case("patch14", |text| text.replace("[30, 45]", "[10, 45]")));
-    let is_size = matches!(error, GraphError::ImageSize { width: 45, height: 10, .. });
-    assert!(is_size || matches!(error, GraphError::DepthSize { .. }), "{error}");
+    // Depth is all values of the image in rows of 42: at other sizes, they do not fill the last row.
+    let rows_of_42 = ModelBuilder::new()
+        .input("x", F32, &[1, 3, -1, -1])
+        .constant_i64("rows", &[3], &[1, -1, 42])
+        .node("Reshape", &["x", "rows"], &["y"], &[])
+        .output("y", F32, &[1, -1, 42]);
+    let load = |size: &str| {
+        let sidecar = format!(
+            "[input]\ntensor = \"x\"\nlayout = \"nchw\"\nsize = {size}\n\
+             [output]\ndepth = \"y\"\nencoding = \"relative\""
+        );
+        Folder::new().model("m.onnx", &rows_of_42).text("m.toml", &sidecar).load("m.onnx")
+    };
+    let error = refused(load("[10, 45]"));
+    assert!(matches!(error, GraphError::ImageSize { width: 45, height: 10, .. }), "{error}");
+    assert_eq!(error.kind(), ErrorKind::Model);
+    assert_eq!(load("[28, 42]").unwrap().size(), (42, 28).into());
 }
 
 #[test]
