@@ -7,8 +7,8 @@ mod support;
 use std::time::Duration;
 
 use nunet_ipc::{
-    CameraName, IpcError, IpcErrorKind, Limits, Message, Publisher, Reader, StatsRecord, Topic, TopicPlan,
-    Wake, cameras,
+    CameraName, IpcError, IpcErrorKind, Limits, Message, Process, Publisher, Reader, StatsRecord, Topic,
+    TopicPlan, Wake, cameras,
 };
 use support::{HEIGHT, TIMEOUT, WIDTH, camera, eventually, plan, publish_depth, publisher};
 
@@ -156,11 +156,16 @@ fn a_second_publisher_of_the_same_camera_is_refused_by_name() {
     let first = publisher(&camera, &[Topic::Depth]);
     let reader = depth_reader(&camera);
     let error = Publisher::create(&camera, &[plan(Topic::Depth)], &Limits::default()).unwrap_err();
-    let expected = format!(
-        "camera `{camera}` is already published: topic `depth` belongs to process {}",
-        std::process::id()
+    assert_eq!(error.kind(), IpcErrorKind::AlreadyPublished);
+    let this_process = Process { pid: std::process::id(), alive: true };
+    assert!(
+        matches!(
+            &error,
+            IpcError::AlreadyPublished { camera: taken, topic: Topic::Depth, publisher }
+                if (taken, *publisher) == (&camera, this_process)
+        ),
+        "{error}"
     );
-    assert_eq!(error.to_string(), expected);
     publish_depth(&first, 1); // unharmed
     assert_eq!(latest(&reader).header().sequence, 1);
 }

@@ -6,7 +6,7 @@ mod support;
 
 use iceoryx2::config::Config;
 use iceoryx2::prelude::*;
-use nunet_ipc::{CONTRACT_ATTRIBUTE, IpcError, Limits, Publisher, Reader, Topic};
+use nunet_ipc::{CONTRACT_ATTRIBUTE, IpcError, IpcErrorKind, Limits, Publisher, Reader, Topic};
 use support::{TIMEOUT, camera, plan};
 
 /// A header as a later version might have it: another size under another name.
@@ -35,13 +35,14 @@ fn a_service_of_another_version_is_refused_by_readers_and_publishers() {
     let builder = node.service_builder(&name).publish_subscribe::<[u64]>().user_header::<LaterHeader>();
     let _later = builder.create_with_attributes(&attributes).unwrap();
 
-    let expected = format!(
-        "service `nunet/{camera}/depth` speaks version `2` of the nunet contract, but this program speaks `1`"
-    );
-    let error = Reader::open(&camera, &[Topic::Depth], TIMEOUT).unwrap_err();
-    assert_eq!(error.to_string(), expected);
-    let error = Publisher::create(&camera, &[plan(Topic::Depth)], &Limits::default()).unwrap_err();
-    assert_eq!(error.to_string(), expected);
+    let of_reader = Reader::open(&camera, &[Topic::Depth], TIMEOUT).unwrap_err();
+    let of_publisher = Publisher::create(&camera, &[plan(Topic::Depth)], &Limits::default()).unwrap_err();
+    for error in [of_reader, of_publisher] {
+        assert_eq!(error.kind(), IpcErrorKind::ContractVersion);
+        let IpcError::ContractVersion { service, found, expected } = &error else { panic!("{error}") };
+        let expected_service = camera.service(Topic::Depth);
+        assert_eq!((service, found.as_str(), *expected), (&expected_service, "2", 1));
+    }
 }
 
 #[test]
