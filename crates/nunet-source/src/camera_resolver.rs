@@ -296,7 +296,10 @@ mod tests {
         let twice = CameraGeometry { factor: Some(0.9), ..geometry };
         let error = CameraResolver::new(&twice).unwrap_err();
         assert_eq!(error.kind(), SourceErrorKind::BadArguments);
-        assert!(error.to_string().contains("0.9 conflicts with the factor 0.8"), "{error}");
+        insta::assert_snapshot!(
+            error.to_string().replace(file.path().to_str().unwrap(), "FILE"),
+            @"the scale factor 0.9 conflicts with the factor 0.8 in the calibration `FILE`"
+        );
     }
 
     #[test]

@@ -180,7 +180,7 @@ mod tests {
         assert_eq!(after(|next| next.capture.nanos += MAX_GAP_NANOS), None);
         let gap = after(|next| next.capture.nanos += MAX_GAP_NANOS + 1);
         assert_eq!(gap, Some(Discontinuity::Gap(MAX_GAP_NANOS + 1)));
-        assert_eq!(gap.unwrap().to_string(), "1.0 s passed since the last frame");
+        insta::assert_snapshot!(gap.unwrap(), @"1.0 s passed since the last frame");
         assert!(matches!(after(|next| next.capture.nanos = i64::MAX), Some(Discontinuity::Gap(_))));
     }
 

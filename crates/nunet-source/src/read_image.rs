@@ -65,8 +65,8 @@ mod tests {
     #[test]
     fn an_error_names_the_file_and_keeps_its_cause() {
         let error = read_image(Path::new("missing.png")).unwrap_err();
-        assert_eq!(error.to_string(), "cannot read the image `missing.png`");
         assert_eq!(error.kind(), SourceErrorKind::BadFrame);
+        insta::assert_snapshot!(error, @"cannot read the image `missing.png`");
         let cause = error.source().and_then(|cause| cause.source()).unwrap();
         assert_eq!(cause.downcast_ref::<io::Error>().unwrap().kind(), io::ErrorKind::NotFound);
     }

@@ -330,9 +330,14 @@ mod tests {
             @"a loop is impossible: standard input cannot begin again"
         );
         let rate = OpenOptions { rate: Some(Rate::Max), ..OpenOptions::default() };
-        for options in [rate, repeat] {
-            assert!(refused("shm:front", options).contains("has its own pace"));
-        }
+        insta::assert_snapshot!(
+            refused("shm:front", rate),
+            @"a rate is for files and devices: a camera in shared memory has its own pace"
+        );
+        insta::assert_snapshot!(
+            refused("shm:front", repeat),
+            @"a loop is impossible: a camera in shared memory has its own pace"
+        );
         let topic = OpenOptions { topic: Some("/a"), ..OpenOptions::default() };
         let camera_settings = CameraSettings { gain: Some(CameraSetting::Auto), ..CameraSettings::UNCHANGED };
         let set = OpenOptions { camera_settings, ..OpenOptions::default() };

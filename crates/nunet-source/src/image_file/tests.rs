@@ -10,6 +10,19 @@ fn image(color: [u8; 3]) -> RgbImage {
 const EXIF_TURNED: [u8; 36] =
     *b"\xff\xe1\x00\x22Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0";
 
+/// The text of the error for a file that cannot be decoded.
+#[track_caller]
+fn refused(path: &Path) -> String {
+    bad_frame(decode(path, &mut Frame::default()).unwrap_err())
+}
+
+/// The text of the error for a frame.
+#[track_caller]
+fn bad_frame(error: SourceError) -> String {
+    assert_eq!(error.kind(), SourceErrorKind::BadFrame, "{error:#}");
+    error.to_string()
+}
+
 #[test]
 fn gray_and_transparent_images_become_rgb() {
     let folder = tempfile::tempdir().unwrap();
@@ -46,12 +59,12 @@ fn an_image_beyond_the_limits_is_refused_before_it_is_decoded() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("wide.png");
     image::GrayImage::new(MAX_SIDE_PX + 1, 1).save(&path).unwrap();
-    let expected = "an image of 32769x1 pixels, expected at most 32768 a side";
-    let error = decode(&path, &mut Frame::default()).unwrap_err().to_string();
-    assert!(error.starts_with(expected), "{error}");
+    insta::assert_snapshot!(refused(&path), @"an image of 32769x1 pixels, expected at most 32768 a side");
     image::GrayImage::new(1, MAX_SIDE_PX + 1).save(path.with_extension("jpg")).unwrap();
-    let error = decode(&path.with_extension("jpg"), &mut Frame::default()).unwrap_err().to_string();
-    assert!(error == "an image of 1x32769 pixels, expected at most 32768 a side", "{error}");
+    insta::assert_snapshot!(
+        refused(&path.with_extension("jpg")),
+        @"an image of 1x32769 pixels, expected at most 32768 a side"
+    );
     image::GrayImage::new(MAX_SIDE_PX, 1).save(&path).unwrap();
     decode(&path, &mut Frame::default()).unwrap();
 }
@@ -62,14 +75,19 @@ fn the_error_for_another_file_type_has_the_type_found_and_the_types_expected() {
     let path = folder.path().join("a.png");
     let refused = |content: &[u8]| {
         std::fs::write(&path, content).unwrap();
-        decode(&path, &mut Frame::default()).unwrap_err().to_string()
+        refused(&path)
     };
-    let expected = "expected JPEG or PNG";
-    assert_eq!(refused(b"BM\x46\0\0\0"), format!("the image is Bmp, {expected}"));
-    assert_eq!(refused(b"no image"), format!("the file is not an image of a known format, {expected}"));
-    assert_eq!(refused(b""), "the file is empty, expected JPEG or PNG");
+    insta::assert_snapshot!(refused(b"BM\x46\0\0\0"), @"the image is Bmp, expected JPEG or PNG");
+    insta::assert_snapshot!(
+        refused(b"no image"),
+        @"the file is not an image of a known format, expected JPEG or PNG"
+    );
+    insta::assert_snapshot!(refused(b""), @"the file is empty, expected JPEG or PNG");
     std::fs::write(&path, b"GIF89a").unwrap();
-    assert!(decode_numbers(&path).unwrap_err().to_string().starts_with("the image is Gif, expected JPEG"));
+    insta::assert_snapshot!(
+        bad_frame(decode_numbers(&path).unwrap_err()),
+        @"the image is Gif, expected JPEG or PNG"
+    );
 }
 
 #[test]
@@ -77,8 +95,10 @@ fn an_image_that_needs_too_much_memory_is_refused_before_it_is_decoded() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("large.png");
     image::GrayImage::new(12_000, 12_000).save(&path).unwrap();
-    let error = decode(&path, &mut Frame::default()).unwrap_err().to_string();
-    assert!(error.contains("takes 549 MB to decode, over the limit of 512 MB"), "{error}");
+    insta::assert_snapshot!(
+        refused(&path),
+        @"an image of 12000x12000 takes 549 MB to decode, over the limit of 512 MB"
+    );
 }
 
 #[test]
@@ -142,23 +162,29 @@ fn a_jpeg_with_all_blocks_but_without_an_end_is_read_and_gets_one() {
 #[test]
 fn bytes_before_a_jpeg_are_counted_in_the_error() {
     let whole = nunet_testkit::cases::read("jpeg_lost_middle/whole.jpg");
-    for before in [&[0; 2][..], &[0; 16], &[0xff]] {
+    let refused = |before: &[u8]| {
         let mut frame = Frame { file: [before, &whole].concat(), ..Frame::default() };
-        let error = decode_file(&mut frame).unwrap_err().to_string();
-        let bytes = if before.len() == 1 { "1 byte".to_owned() } else { format!("{} bytes", before.len()) };
-        assert_eq!(error, format!("the file has {bytes} before a JPEG, expected JPEG or PNG"));
-    }
+        bad_frame(decode_file(&mut frame).unwrap_err())
+    };
+    insta::assert_snapshot!(
+        refused(&[0; 2]),
+        @"the file has 2 bytes before a JPEG, expected JPEG or PNG"
+    );
+    insta::assert_snapshot!(
+        refused(&[0; 16]),
+        @"the file has 16 bytes before a JPEG, expected JPEG or PNG"
+    );
+    insta::assert_snapshot!(refused(&[0xff]), @"the file has 1 byte before a JPEG, expected JPEG or PNG");
 }
 
 #[test]
 fn a_jpeg_that_lost_its_middle_or_its_rest_fails_with_the_reason() {
-    let decoded = |name| {
-        let mut frame = Frame { file: nunet_testkit::cases::read(name), ..Frame::default() };
-        decode_file(&mut frame).map_err(|error| error.to_string())
-    };
-    assert!(decoded("jpeg_lost_middle/whole.jpg").is_ok());
+    let decoded = |file: Vec<u8>| decode_file(&mut Frame { file, ..Frame::default() });
+    assert!(decoded(nunet_testkit::cases::read("jpeg_lost_middle/whole.jpg")).is_ok());
     for name in ["jpeg_lost_middle/lost.jpg", "jpeg_lost_middle/rest_grey.jpg"] {
-        let error = decoded(name).unwrap_err();
-        assert!(error.starts_with("the JPEG lost data: its scan ended early"), "{name}: {error}");
+        let file = nunet_testkit::cases::read(name);
+        let reason = jpeg::check(&file).unwrap_err();
+        assert!(matches!(reason, jpeg::JpegError::EndedEarly { .. }), "{name}: {reason}");
+        assert_eq!(bad_frame(decoded(file).unwrap_err()), reason.to_string(), "{name}");
     }
 }

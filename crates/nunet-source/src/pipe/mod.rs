@@ -234,7 +234,8 @@ mod tests {
         let (seen, end) = drain(&[1; 10], Some(GRAY));
         assert_eq!(seen.len(), 1);
         let Fill::Cut(error) = end else { panic!("{end:?}") };
-        assert_eq!(error.to_string(), "standard input ended after 4 of an image's 6 bytes");
+        assert_eq!(error.kind(), SourceErrorKind::CutOff);
+        insta::assert_snapshot!(error, @"standard input ended after 4 of an image's 6 bytes");
     }
 
     /// Its header and its planes would be taken for pixels.
@@ -314,21 +315,24 @@ mod tests {
         assert_eq!((read, bytes.as_slice()), (90, &[8; 90][..]));
         let huge = RawFormat { size: ImageSize::new(32_768, 32_768), format: PixelFormat::Rgb8 };
         let (_, end) = drain(&[1; 100], Some(huge));
-        assert!(matches!(&end, Fill::Broken(error) if error.to_string().contains("after 100 of")), "{end:?}");
+        let Fill::Broken(error) = end else { panic!("{end:?}") };
+        assert_eq!(error.kind(), SourceErrorKind::CutOff);
+        insta::assert_snapshot!(error, @"standard input ended after 100 of an image's 3221225472 bytes");
     }
 
     #[test]
     fn a_pipe_without_any_image_is_a_failure_of_its_writer() {
         let broken = |input: &[u8], layout| match drain(input, layout) {
-            (_, Fill::Broken(error)) => error.to_string(),
+            (_, Fill::Broken(error)) => error,
             (_, end) => panic!("{end:?}"),
         };
-        for (input, layout) in [(&b""[..], Some(GRAY)), (b"", None), (b"YUV4MPEG2 W4 H2 F30:1 C420\n", None)]
-        {
-            let error = broken(input, layout);
-            assert!(error == "standard input ended before its first image", "{error}");
+        let empty = broken(b"", Some(GRAY));
+        insta::assert_snapshot!(empty, @"standard input ended before its first image");
+        for error in [empty, broken(b"", None), broken(b"YUV4MPEG2 W4 H2 F30:1 C420\n", None)] {
+            assert_eq!(error.kind(), SourceErrorKind::NothingReadable, "{error}");
         }
         let error = broken(b"YUV4", None);
-        assert!(error.starts_with("standard input is not Y4M: it ended before the header did"), "{error}");
+        assert_eq!(error.kind(), SourceErrorKind::Unavailable);
+        insta::assert_snapshot!(error, @"standard input is not Y4M: it ended before the header did");
     }
 }

@@ -12,6 +12,7 @@ use nunet_core::frame::PixelFormat;
 use self::suite::{Subject, assert_frames};
 use super::device::{BufferFormat, Capability, ControlRange, Errno, FourCc, Interval, Intervals, Sizes};
 use super::*;
+use crate::jpeg::JpegError;
 use crate::{CameraSetting, CameraSettings};
 
 const MS: i64 = 1_000_000;
@@ -279,11 +280,24 @@ fn awake(host: &FakeHost) -> V4l2Camera<FakeHost> {
     video
 }
 
+#[track_caller]
 fn failure(fill: Result<Vec<u8>, Fill>) -> String {
     match fill {
-        Err(Fill::Failed(error)) => format!("{error:#}"),
+        Err(Fill::Failed(error)) => {
+            assert_eq!(error.kind(), SourceErrorKind::BadFrame, "{error:#}");
+            format!("{error:#}")
+        }
         other => panic!("{other:?} is no failure"),
     }
+}
+
+/// A JPEG that the camera sent must fail for what it lacks.
+#[track_caller]
+fn assert_damaged(fill: Result<Vec<u8>, Fill>, jpeg: &[u8]) -> JpegError {
+    let reason = crate::jpeg::check(jpeg).unwrap_err();
+    let failure = failure(fill);
+    assert!(failure.ends_with(&reason.to_string()), "{failure}\ninstead of {reason}");
+    reason
 }
 
 fn refusal(host: &FakeHost) -> String {
@@ -386,9 +400,15 @@ fn each_bad_image_is_an_error_and_the_next_good_one_is_taken() {
     let mut video = awake(&host);
     host.shoot([1; 8]);
     host.world().filled[0].flawed = true;
-    assert_eq!(failure(next(&mut video)), "an image of `/dev/video0`: the driver reports that it is damaged");
+    insta::assert_snapshot!(
+        failure(next(&mut video)),
+        @"an image of `/dev/video0`: the driver reports that it is damaged"
+    );
     host.shoot([]);
-    assert_eq!(failure(next(&mut video)), "an image of `/dev/video0`: it is empty");
+    insta::assert_snapshot!(
+        failure(next(&mut video)),
+        @"an image of `/dev/video0`: it is empty"
+    );
     host.shoot([1; 7]);
     let short = failure(next(&mut video));
     assert_eq!(short, "an image of `/dev/video0`: it has 7 bytes; GREY 4x2 at 30 Hz takes 8");
@@ -423,8 +443,9 @@ fn jpegs_that_are_damaged_cut_off_or_of_another_size_fail() {
     let host = FakeHost::of(MJPG);
     let mut video = awake(&host);
     let whole = jpeg(4, 2);
-    host.shoot(&whole[..whole.len() - 3]);
-    assert!(failure(next(&mut video)).contains("the JPEG"));
+    let cut = &whole[..whole.len() - 3];
+    host.shoot(cut);
+    assert_damaged(next(&mut video), cut);
     host.shoot(*b"\xff\xd8 no JPEG at all \xff\xd9");
     failure(next(&mut video));
     host.shoot([0; 100]);
@@ -690,8 +711,10 @@ fn a_jpeg_that_lost_its_middle_fails_and_one_without_tables_is_read() {
     while !matches!(next(&mut video), Err(Fill::Nothing)) {}
     host.shoot(nunet_testkit::cases::read("mjpeg_without_tables/no_dht.jpg"));
     assert!(next(&mut video).is_ok());
-    host.shoot(nunet_testkit::cases::read("jpeg_lost_middle/lost.jpg"));
-    assert!(failure(next(&mut video)).contains("the JPEG lost data"));
+    let lost = nunet_testkit::cases::read("jpeg_lost_middle/lost.jpg");
+    host.shoot(lost.clone());
+    let reason = assert_damaged(next(&mut video), &lost);
+    assert!(matches!(reason, JpegError::EndedEarly { .. }), "{reason}");
 }
 
 const EXPOSURE_MODE: u32 = 0x009a_0901;
