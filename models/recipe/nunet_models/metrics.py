@@ -50,7 +50,7 @@ class DepthMetrics:
         self.missing += other.missing
 
     def values(self) -> dict[str, float]:
-        """Every metric by name; see the module's functions for the formulas.
+        """Every metric by name; empty if no pixel was compared.
 
         mse `mean((p-t)^2)`, rmse its root, rmse_log `sqrt(mean((ln p - ln t)^2))`, log10
         `mean(|log10 p - log10 t|)`, abs_rel `mean(|p-t|/t)`, sq_rel `mean((p-t)^2/t)`, silog

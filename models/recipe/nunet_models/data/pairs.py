@@ -206,7 +206,7 @@ def read_ids(path: Path) -> list[str]:
 
 
 def list_of_lines(path: Path) -> dict[str, int]:
-    """The same, each id with its line, from 1."""
+    """The line of each id in a list, counted from 1, in the order of the file."""
     if not path.is_file():
         what = "is not a file" if path.exists() else "is missing"
         raise DataError(f"`{path}` {what}; expected a list of ids, one per line")
