@@ -15,7 +15,7 @@ use nunet_core::obstacle::{ObstacleDetector, ObstacleOptions};
 use nunet_core::pipeline::{Outputs, Pipeline, PipelineOptions};
 use nunet_core::preprocess::Preprocessor;
 use nunet_testkit::allocations::{CountingAllocator, allocations_during};
-use nunet_testkit::models;
+use nunet_testkit::{manifests, models};
 use nunet_types::ImageSize;
 
 #[global_allocator]
@@ -94,16 +94,8 @@ fn a_steady_frame_allocates_nothing() {
     let folder = tempfile::tempdir().unwrap();
     models::segmentation_stage(SIZE).write(folder.path().join("segmentation.onnx"));
     models::depth_stage(SIZE, true).write(folder.path().join("depth.onnx"));
-    let manifest = |every: u32| {
-        format!(
-            "version = 1\n[[stage]]\nname = \"segmentation\"\nmodel = \"segmentation.onnx\"\n\
-             inputs = {{ rgb = \"image\" }}\nevery = {every}\n[[stage]]\nname = \"depth\"\nmodel = \"depth.onnx\"\n\
-             inputs = {{ rgb = \"image\", features = \"segmentation.logits\" }}\n[outputs]\n\
-             depth = \"depth.depth\"\nlabels = \"segmentation.labels\"\n"
-        )
-    };
     for every in [1, 2] {
-        std::fs::write(folder.path().join("graph.toml"), manifest(every)).unwrap();
+        std::fs::write(folder.path().join("graph.toml"), manifests::two_stages(true, every)).unwrap();
         let mut pipeline = pipeline(&folder.path().join("graph.toml"));
         for (size, format) in [
             (SIZE, PixelFormat::Rgb8),

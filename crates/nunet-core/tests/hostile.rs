@@ -5,6 +5,7 @@
 mod body;
 
 use nunet_testkit::hostile::{feed_damaged, greedy_texts, keep_for_fuzzing};
+use nunet_testkit::manifests::two_stages;
 use proptest::prelude::*;
 
 const CALIBRATION: &str = "image_width: 640
@@ -27,20 +28,10 @@ distortion_model: equidistant
 distortion_coefficients: {rows: 1, cols: 4, data: [0.01, -0.002, 0.0003, 0]}
 ";
 
-const MANIFEST: &str = r#"version = 1
-[[stage]]
-name = "segmentation"
-model = "parts/wnet_c.segmentation.onnx"
-inputs = { rgb = "image" }
-every = 2
-[[stage]]
-name = "depth"
-model = "wnet_c.depth.onnx"
-inputs = { rgb = "image", features = "segmentation.logits" }
-[outputs]
-depth = "depth.depth"
-labels = "segmentation.labels"
-"#;
+/// With a file in a folder.
+fn manifest() -> String {
+    two_stages(true, 2).replace("\"segmentation.onnx\"", "\"parts/segmentation.onnx\"")
+}
 
 const SIDECAR: &str = r#"[input]
 tensor = "pixel_values"
@@ -90,7 +81,7 @@ type Target = (&'static str, fn(&[u8]), Vec<String>);
 fn all() -> [Target; 4] {
     [
         ("calibration", body::calibration, vec![CALIBRATION.to_owned(), FISHEYE.to_owned()]),
-        ("manifest", body::manifest, vec![MANIFEST.to_owned()]),
+        ("manifest", body::manifest, vec![manifest()]),
         ("sidecar", body::sidecar, vec![SIDECAR.to_owned()]),
         ("metadata", body::metadata, vec![metadata()]),
     ]
@@ -101,7 +92,7 @@ fn all() -> [Target; 4] {
 fn every_text_is_valid_before_it_is_damaged() {
     assert!(nunet_core::camera::Calibration::parse(CALIBRATION).is_ok());
     assert!(nunet_core::camera::Calibration::parse(FISHEYE).is_ok());
-    assert!(nunet_core::graph::Manifest::parse(MANIFEST).is_ok());
+    assert!(nunet_core::graph::Manifest::parse(&manifest()).is_ok());
     assert!(nunet_core::model::Sidecar::parse(SIDECAR).is_ok());
     let entries = metadata();
     let entries = entries.lines().filter_map(|line| line.split_once('='));

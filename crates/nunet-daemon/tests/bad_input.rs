@@ -2,8 +2,8 @@
 
 use std::process::Command;
 
-use nunet_testkit::models;
 use nunet_testkit::onnx::{ModelBuilder, OnnxElement};
+use nunet_testkit::{manifests, models};
 
 use crate::support::{
     Bench, SIZE, calibration, camera, nunetd, outcome, run, run_well, seen, snapshot, text,
@@ -149,20 +149,7 @@ fn stages_that_do_not_fit() {
     let bench = Bench::new();
     bench.add_model("segmentation.onnx", &models::segmentation_stage(SIZE));
     bench.add_model("depth.onnx", &models::depth_stage((320, 240), true));
-    let manifest = r#"
-version = 1
-[[stage]]
-name = "segmentation"
-model = "segmentation.onnx"
-inputs = { rgb = "image" }
-[[stage]]
-name = "depth"
-model = "depth.onnx"
-inputs = { rgb = "image", features = "segmentation.logits" }
-[outputs]
-depth = "depth.depth"
-"#;
-    std::fs::write(bench.path("mixed.toml"), manifest).unwrap();
+    std::fs::write(bench.path("mixed.toml"), manifests::two_stages(true, 1)).unwrap();
     snapshot!(model(&bench, "mixed.toml"));
 }
 

@@ -1,12 +1,13 @@
 //! Shared by the tests of several crates: small ONNX files built in memory, and the path of ONNX Runtime.
 //!
 //! [`allocations`] counts heap allocations of a thread; [`hostile`] damages files; [`onnx`] builds ONNX
-//! files; [`models`] has networks whose results can be computed by hand.
+//! files; [`models`] has networks whose results can be computed by hand, and [`manifests`] their graphs.
 
 pub mod allocations;
 pub mod cases;
 pub mod demo;
 pub mod hostile;
+pub mod manifests;
 pub mod models;
 pub mod onnx;
 

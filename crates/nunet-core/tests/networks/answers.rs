@@ -4,24 +4,9 @@ use nunet_core::graph::{
     GraphError, GraphInput, GraphOptions, GraphOutputs, Quality, SerialGraph, WiringError,
 };
 use nunet_core::hint_of;
-use nunet_testkit::models;
+use nunet_testkit::{manifests, models};
 
 use crate::{Folder, SIZE, error_of, image, options, pixels, run, runtime, ticking, wiring_error};
-
-const TWO_STAGES: &str = r#"
-version = 1
-[[stage]]
-name = "segmentation"
-model = "segmentation.onnx"
-inputs = { rgb = "image" }
-[[stage]]
-name = "depth"
-model = "depth.onnx"
-inputs = { features = "segmentation.logits" }
-[outputs]
-depth = "depth.depth"
-labels = "segmentation.labels"
-"#;
 
 const THREE_STAGES: &str = r#"
 version = 1
@@ -42,14 +27,14 @@ depth = "refine.depth"
 labels = "segmentation.labels"
 "#;
 
-fn connected(manifest: &str) -> String {
-    manifest
-        .replace("{ features", "{ rgb = \"image\", features")
-        .replace("{ coarse", "{ rgb = \"image\", coarse")
+fn three_stages(is_connected: bool) -> String {
+    let image = if is_connected { "{ rgb = \"image\", " } else { "{ " };
+    let features = THREE_STAGES.replace("{ features", &format!("{image}features"));
+    features.replace("{ coarse", &format!("{image}coarse"))
 }
 
 fn two_stages(is_connected: bool) -> Folder {
-    let manifest = if is_connected { connected(TWO_STAGES) } else { TWO_STAGES.to_owned() };
+    let manifest = manifests::two_stages(is_connected, 1);
     Folder::new()
         .model("segmentation.onnx", &models::segmentation_stage(SIZE))
         .model("depth.onnx", &models::depth_stage(SIZE, is_connected))
@@ -98,10 +83,9 @@ fn two_components_agree_fused_and_staged() {
 #[test]
 fn three_components_run_in_series_plain_and_connected() {
     for is_connected in [false, true] {
-        let manifest = if is_connected { connected(THREE_STAGES) } else { THREE_STAGES.to_owned() };
         let folder = two_stages(is_connected)
             .model("refine.onnx", &models::refine_stage(SIZE, is_connected))
-            .text("graph.toml", &manifest);
+            .text("graph.toml", &three_stages(is_connected));
         let mut graph = folder.load("graph.toml").unwrap();
         let answer = run(&mut graph, &image(SIZE));
         let expected = expected(|pixel| match is_connected {
@@ -147,10 +131,7 @@ fn labels_that_were_not_requested_are_not_written() {
 
 #[test]
 fn a_skipped_stage_is_reused_stamped_and_its_copy_counted() {
-    let folder = two_stages(true);
-    let manifest = connected(TWO_STAGES)
-        .replace("inputs = { rgb = \"image\" }", "inputs = { rgb = \"image\" }\nevery = 2");
-    let folder = folder.text("graph.toml", &manifest);
+    let folder = two_stages(true).text("graph.toml", &manifests::two_stages(true, 2));
     let mut graph = folder.load("graph.toml").unwrap();
     let first = image(SIZE);
     let second: Vec<u8> = first.iter().map(|value| 255 - value).collect();
@@ -237,6 +218,7 @@ fn the_hash_of_a_staged_graph_covers_manifest_and_files() {
     let other_file = two_stages(true)
         .model("segmentation.onnx", &models::segmentation_stage(SIZE).metadata("note", "retrained"));
     assert_ne!(first, hash(&other_file));
-    let other_text = two_stages(true).text("graph.toml", &format!("{}\n# comment", connected(TWO_STAGES)));
+    let commented = manifests::two_stages(true, 1) + "\n# comment";
+    let other_text = two_stages(true).text("graph.toml", &commented);
     assert_ne!(first, hash(&other_text));
 }

@@ -10,8 +10,8 @@ use nunet_core::framing::AspectMode;
 use nunet_core::graph::{GraphError, GraphInput, GraphOutputs};
 use nunet_core::pipeline::{FrameReport, Outputs, Pipeline, PipelineError, PipelineOptions};
 use nunet_core::scale::ScaleMode;
-use nunet_testkit::models;
 use nunet_testkit::onnx::{ModelBuilder, OnnxElement};
+use nunet_testkit::{manifests, models};
 use nunet_types::ImageSize;
 
 use crate::{Folder, SIZE, image, pixels, refusal, ticking};
@@ -217,21 +217,10 @@ fn a_graph_writes_it_into_the_callers_memory() {
     assert!(matches!(error, GraphError::NoConfidence), "{error}");
 }
 
-const STAGED: &str = r#"
-version = 1
-[[stage]]
-name = "segmentation"
-model = "segmentation.onnx"
-inputs = { rgb = "image" }
-[[stage]]
-name = "depth"
-model = "depth.onnx"
-inputs = { rgb = "image", features = "segmentation.logits" }
-[outputs]
-depth = "depth.depth"
-labels = "segmentation.labels"
-confidence = "depth.confidence"
-"#;
+/// A manifest whose last line is the output of the confidence.
+fn manifest(every: u32, confidence: &str) -> String {
+    manifests::two_stages(true, every) + &format!("confidence = \"{confidence}\"\n")
+}
 
 fn staged(text: &str) -> Folder {
     Folder::new()
@@ -243,12 +232,12 @@ fn staged(text: &str) -> Folder {
 #[test]
 fn a_staged_graph_names_it_among_its_outputs() {
     let rgb = image(SIZE);
-    let graph = staged(STAGED).load("graph.toml").unwrap();
+    let graph = staged(&manifest(1, "depth.confidence")).load("graph.toml").unwrap();
     let mut pipeline = Pipeline::new(graph, PipelineOptions::default()).unwrap();
     let (_, confidence, bytes_copied) = run(&mut pipeline, &rgb, SIZE);
     assert_eq!(confidence, pixels(&rgb).map(|[r, ..]| r).collect::<Vec<_>>());
     assert_eq!(bytes_copied, 0);
-    let without = staged(&STAGED.replace("confidence = \"depth.confidence\"\n", ""));
+    let without = staged(&manifests::two_stages(true, 1));
     assert!(!without.load("graph.toml").unwrap().has_confidence());
 }
 
@@ -275,9 +264,7 @@ fn a_confidence_of_another_type_or_shape_is_refused() {
 
 #[test]
 fn a_confidence_of_skipped_frames_and_labels_as_confidence_are_refused() {
-    let early = STAGED
-        .replace("name = \"segmentation\"\n", "name = \"segmentation\"\nevery = 2\n")
-        .replace("confidence = \"depth.confidence\"", "confidence = \"segmentation.labels\"");
+    let early = manifest(2, "segmentation.labels");
     let text = refusal(staged(&early.replace("labels = \"segmentation.labels\"\n", "")).load("graph.toml"));
     assert!(text.contains("has `every = 2`, but computes the confidence"), "{text}");
     let text = refusal(staged(&early).load("graph.toml"));

@@ -1,7 +1,7 @@
 //! Several streams through the same sessions: what one of them left, the other never sees.
 
 use nunet_core::graph::{Quality, SerialGraph};
-use nunet_testkit::models;
+use nunet_testkit::{manifests, models};
 
 use crate::{Folder, SIZE, image, run};
 
@@ -33,28 +33,12 @@ fn graphs_with_shared_sessions_keep_their_own_state() {
     assert_eq!(depths(&mut second, &[7, 8, 9]), rear, "sessions live as long as one who runs them");
 }
 
-const EACH_THIRD: &str = r#"
-version = 1
-[[stage]]
-name = "segmentation"
-model = "segmentation.onnx"
-inputs = { rgb = "image" }
-every = 3
-[[stage]]
-name = "depth"
-model = "depth.onnx"
-inputs = { rgb = "image", features = "segmentation.logits" }
-[outputs]
-depth = "depth.depth"
-labels = "segmentation.labels"
-"#;
-
 #[test]
 fn graphs_with_shared_sessions_count_their_own_frames_and_reuse_their_own_results() {
     let folder = Folder::new()
         .model("segmentation.onnx", &models::segmentation_stage(SIZE))
         .model("depth.onnx", &models::depth_stage(SIZE, true))
-        .text("graph.toml", EACH_THIRD);
+        .text("graph.toml", &manifests::two_stages(true, 3));
     let mut first = folder.load("graph.toml").unwrap();
     let mut second = first.share_sessions().unwrap();
     let begun = run(&mut first, &numbered(1));

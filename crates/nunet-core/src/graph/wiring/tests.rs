@@ -403,22 +403,9 @@ fn an_input_that_is_not_in_the_state_still_needs_a_source() {
 /// Whatever a manifest says of existing files, the wiring accepts or refuses it.
 #[test]
 fn damaged_manifests_are_wired_or_refused_and_never_panic() {
-    const MANIFEST: &str = "version = 1
-[[stage]]
-name = 's'
-model = 's.onnx'
-inputs = { rgb = 'image' }
-every = 2
-[[stage]]
-name = 'd'
-model = 'd.onnx'
-inputs = { rgb = 'image', features = 's.logits' }
-[outputs]
-depth = 'd.depth'
-labels = 's.labels'
-";
+    let whole = nunet_testkit::manifests::two_stages(true, 2);
     let mut wired = 0;
-    nunet_testkit::hostile::feed_damaged("manifest", MANIFEST.as_bytes(), |bytes| {
+    nunet_testkit::hostile::feed_damaged("manifest", whole.as_bytes(), |bytes| {
         let Some(manifest) = str::from_utf8(bytes).ok().and_then(|text| Manifest::parse(text).ok()) else {
             return;
         };
