@@ -7,14 +7,14 @@ use nunet_core::depth::BorderFill;
 use nunet_core::filter::{FilterOptions, FilterSpec};
 use nunet_core::frame::{ImageView, PixelFormat};
 use nunet_core::framing::AspectMode;
-use nunet_core::graph::{GraphError, GraphInput, GraphOutputs};
+use nunet_core::graph::{GraphError, GraphInput, GraphOutputs, WiringError};
 use nunet_core::pipeline::{FrameReport, Outputs, Pipeline, PipelineError, PipelineOptions};
 use nunet_core::scale::ScaleMode;
 use nunet_testkit::onnx::{ModelBuilder, OnnxElement};
 use nunet_testkit::{manifests, models};
 use nunet_types::ImageSize;
 
-use crate::{Folder, SIZE, image, pixels, refusal, ticking};
+use crate::{Folder, SIZE, error_of, image, pixels, ticking, wiring_error};
 
 /// The network's size in tests of framing and decimation.
 const LARGE: ImageSize = ImageSize::new(9, 6);
@@ -254,19 +254,25 @@ fn a_confidence_of_another_type_or_shape_is_refused() {
         &[1, 1, 3, 6],
     );
     for (model, given) in [(one_row, "uint8 [1, 1, 3, 6]"), (floats, "float32 [1, 1, 3, 6]")] {
-        let text = refusal(Folder::new().model("m.onnx", &model).load("m.onnx"));
-        let wanted = format!(
-            "output `confidence` is `network.confidence` of {given}, expected uint8 [1, 3, 6] for an image of 6x3"
-        );
-        assert!(text.contains(&wanted), "{text}");
+        let error = wiring_error(error_of(Folder::new().model("m.onnx", &model).load("m.onnx")));
+        let expected = WiringError::Result {
+            role: "confidence",
+            reference: "network.confidence".into(),
+            given: given.into(),
+            expected: "uint8 [1, 3, 6]".into(),
+            width: 6,
+            height: 3,
+        };
+        assert_eq!(error, expected);
     }
 }
 
 #[test]
 fn a_confidence_of_skipped_frames_and_labels_as_confidence_are_refused() {
     let early = manifest(2, "segmentation.labels");
-    let text = refusal(staged(&early.replace("labels = \"segmentation.labels\"\n", "")).load("graph.toml"));
-    assert!(text.contains("has `every = 2`, but computes the confidence"), "{text}");
-    let text = refusal(staged(&early).load("graph.toml"));
-    assert!(text.contains("`labels` and `confidence` are both `segmentation.labels`"), "{text}");
+    let error = |manifest: &str| wiring_error(error_of(staged(manifest).load("graph.toml")));
+    let without_labels = early.replace("labels = \"segmentation.labels\"\n", "");
+    let skipped = WiringError::DepthSkipped { role: "confidence", stage: "segmentation".into(), every: 2 };
+    assert_eq!(error(&without_labels), skipped);
+    assert_eq!(error(&early), WiringError::SameResult { reference: "segmentation.labels".into() });
 }

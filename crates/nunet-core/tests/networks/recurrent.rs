@@ -1,12 +1,14 @@
 //! Networks with a memory: carried from frame to frame, forgotten on demand, whole after a failure.
 
 use nunet_core::frame::{ImageView, PixelFormat};
-use nunet_core::graph::{GraphInput, GraphOutputs, SerialGraph};
+use nunet_core::graph::{GraphError, GraphInput, GraphOutputs, SerialGraph, WiringError};
+use nunet_core::hint_of;
+use nunet_core::model::ModelError;
 use nunet_core::pipeline::{Outputs, Pipeline, PipelineOptions};
 use nunet_testkit::models;
 use nunet_testkit::onnx::{ModelBuilder, OnnxElement};
 
-use crate::{Folder, SIZE, image, pixels, refusal, run, ticking};
+use crate::{Folder, SIZE, error_of, image, pixels, run, ticking, wiring_error};
 
 /// An image of its own for each number; the first pixel's red is the number too.
 fn numbered(number: u8) -> Vec<u8> {
@@ -42,8 +44,8 @@ fn load(model: &ModelBuilder) -> SerialGraph {
     Folder::new().model("m.onnx", model).load("m.onnx").unwrap()
 }
 
-fn message(model: &ModelBuilder) -> String {
-    refusal(Folder::new().model("m.onnx", model).load("m.onnx"))
+fn refused(model: &ModelBuilder) -> GraphError {
+    error_of(Folder::new().model("m.onnx", model).load("m.onnx"))
 }
 
 fn floats(graph: &SerialGraph, tensor: &str) -> Vec<f32> {
@@ -51,11 +53,15 @@ fn floats(graph: &SerialGraph, tensor: &str) -> Vec<f32> {
     bytes.as_chunks().0.iter().map(|&bytes| f32::from_ne_bytes(bytes)).collect()
 }
 
-/// A run that must fail in a stage, whose name is returned in the message.
-fn fail(graph: &mut SerialGraph, rgb: &[u8]) -> String {
+/// A run that must fail in a stage; ONNX Runtime's message.
+#[track_caller]
+fn fail(graph: &mut SerialGraph, rgb: &[u8], expected_stage: &str) -> String {
     let mut depth = vec![0.0; rgb.len() / 3];
     let outputs = GraphOutputs { depth: &mut depth, labels: None, confidence: None };
-    graph.run(GraphInput::Rgb(rgb), outputs, &ticking()).unwrap_err().to_string()
+    let error = graph.run(GraphInput::Rgb(rgb), outputs, &ticking()).unwrap_err();
+    let GraphError::Run { stage, reason } = &error else { panic!("{error}") };
+    assert_eq!(stage, expected_stage, "{error}");
+    reason.to_string()
 }
 
 #[test]
@@ -93,8 +99,7 @@ fn a_failed_run_keeps_the_state_of_the_last_good_one() {
     for number in [32, 64, 48] {
         assert_eq!(run(&mut graph, &numbered(number)).depth, trail.depth(&numbered(number)));
         for _ in 0..3 {
-            let message = fail(&mut graph, &numbered(255));
-            assert!(message.starts_with("stage `network` failed: "), "{message}");
+            fail(&mut graph, &numbered(255), "network");
         }
     }
 }
@@ -129,8 +134,7 @@ fn a_stage_may_have_state_and_later_stages_read_its_new_value() {
         let expected: Vec<f32> = trail.0.iter().map(|trail| 2.0 * trail).collect();
         assert_eq!(run(&mut graph, &numbered(number)).depth, expected);
         // The first stage has run by then, the second one fails.
-        let message = fail(&mut graph, &numbered(255));
-        assert!(message.starts_with("stage `depth` failed: "), "{message}");
+        fail(&mut graph, &numbered(255), "depth");
     }
 }
 
@@ -180,17 +184,43 @@ fn a_self_test_and_a_reset_of_the_pipeline_leave_zeros() {
 
 #[test]
 fn state_that_contradicts_the_file_is_refused_naming_both_sides() {
-    for (from, to, says) in [
-        ("[1]", "[2]", "the input `count_in` of float32 [2], but its file has it of float32 [1]"),
-        ("trail_in", "rgb", "the input `rgb` of float32 [1, 1, 3, 6], but its file has it of uint8"),
-        ("trail_in", "trial_in", "the inputs of its file are `rgb`, `trail_in`, `count_in`\nhint: "),
-        ("trail_out", "depth", "output `depth` is `network.depth`, which is also part of a state"),
-        ("count_in", "trail_in", "metadata `nunet.state` is"),
-    ] {
+    let refused_with = |from: &str, to: &str| {
         let state = models::trail_state(SIZE).replace(from, to);
-        let message = message(&models::remembering(SIZE).metadata("nunet.state", &state));
-        assert!(message.contains(says), "{message}");
+        refused(&models::remembering(SIZE).metadata("nunet.state", &state))
+    };
+    let differs = |tensor: &str, expected: &str, given: &str| WiringError::StateKind {
+        stage: "network".into(),
+        side: "input",
+        tensor: tensor.into(),
+        expected: expected.into(),
+        given: given.into(),
+    };
+    let missing = WiringError::StateMissing {
+        stage: "network".into(),
+        side: "input",
+        tensor: "trial_in".into(),
+        there: "`rgb`, `trail_in`, `count_in`".into(),
+    };
+    assert!(hint_of(&missing).is_some());
+    for (from, to, expected) in [
+        ("[1]", "[2]", differs("count_in", "float32 [2]", "float32 [1]")),
+        ("trail_in", "rgb", differs("rgb", "float32 [1, 1, 3, 6]", "uint8 [1, 3, 6, 3]")),
+        ("trail_in", "trial_in", missing),
+        ("trail_out", "depth", WiringError::StateIsDepth { reference: "network.depth".into() }),
+    ] {
+        assert_eq!(wiring_error(refused_with(from, to)), expected);
     }
+    let error = refused_with("count_in", "trail_in");
+    assert!(is_bad_state(&error, "m.onnx"), "{error}");
+}
+
+/// Whether the description of the state in a file is invalid.
+fn is_bad_state(error: &GraphError, file: &str) -> bool {
+    matches!(
+        error,
+        GraphError::Description { path, source: ModelError::Invalid { key: "nunet.state", .. } }
+            if path.ends_with(file)
+    )
 }
 
 #[test]
@@ -198,8 +228,8 @@ fn the_state_of_a_stage_is_described_in_its_own_file() {
     let wrong = models::trail_stage(SIZE).metadata("nunet.state", "trail");
     let folder = Folder::new().model("trail.onnx", &wrong);
     let folder = folder.model("depth.onnx", &models::refine_stage(SIZE, false));
-    let message = refusal(folder.text("graph.toml", TRAIL_AND_DEPTH).load("graph.toml"));
-    assert!(message.contains("cannot use the description of the model `"), "{message}");
+    let error = error_of(folder.text("graph.toml", TRAIL_AND_DEPTH).load("graph.toml"));
+    assert!(is_bad_state(&error, "trail.onnx"), "{error}");
 }
 
 /// Remembers where the image is not 0: two places by its declaration, but as many as there are. Depth is the
@@ -227,9 +257,9 @@ fn remembering_places(tensor: &str) -> ModelBuilder {
 
 #[test]
 fn state_whose_computed_shape_is_not_the_declared_one_is_refused_at_load() {
-    let message = message(&remembering_places("where"));
-    let says = "the output `kept_out` of float32 [2], but its file has it of float32 [";
-    assert!(message.contains(says), "{message}");
+    let error = wiring_error(refused(&remembering_places("where")));
+    let WiringError::StateKind { side: "output", tensor, expected, .. } = &error else { panic!("{error}") };
+    assert_eq!((&**tensor, &**expected), ("kept_out", "float32 [2]"));
 }
 
 #[test]
@@ -244,8 +274,8 @@ fn state_of_another_shape_than_declared_is_an_error_of_the_run() {
     assert_eq!(floats(&graph, "network.kept_out"), [3.0, 5.0]);
     let none: &[usize] = &[];
     for places in [none, &[7], &[7, 8, 9]] {
-        let message = fail(&mut graph, &image_with(places));
-        assert!(message.starts_with("stage `network` failed: ") && message.contains("kept_out"), "{message}");
+        let message = fail(&mut graph, &image_with(places), "network");
+        assert!(message.contains("kept_out"), "{message}");
     }
     assert_eq!(run(&mut graph, &image_with(&[0, 1])).depth, [8.0; 18], "that of the last good run");
 }
