@@ -10,7 +10,7 @@ import subprocess
 
 import numpy as np
 import pytest
-from conftest import MODEL, unavailable
+from conftest import MODEL
 from PIL import Image
 
 SIZE = (64, 48)
@@ -101,10 +101,11 @@ def test_a_bad_stream_is_an_error_with_the_reason(nunetd, tmp_path, given, code,
     assert got == code and part in stderr, stderr
 
 
+@pytest.mark.skipif(
+    shutil.which("ffmpeg") is None, reason="ffmpeg is not installed; the stream by hand is tried above"
+)
 @pytest.mark.parametrize("pixels", ["yuv420p", "yuv422p", "yuv444p", "gray"])
 def test_ffmpeg_pipes_a_video_in(nunetd, tmp_path, pixels):
-    if shutil.which("ffmpeg") is None:
-        unavailable("ffmpeg is not installed; the stream by hand is tried above")
     source = ["-f", "lavfi", "-i", "testsrc2=size=322x241:rate=30", "-frames:v", "15", "-pix_fmt", pixels]
     ffmpeg = ["ffmpeg", "-loglevel", "error", *source, "-f", "yuv4mpegpipe", "-"]
     video = subprocess.run(ffmpeg, check=True, capture_output=True, timeout=60).stdout
