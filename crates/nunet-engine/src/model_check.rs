@@ -283,6 +283,7 @@ mod tests {
     #[test]
     fn a_child_that_panicked_is_quoted() {
         let error = judge(ExitStatus::from_raw(PANIC << 8), "", "thread 'main' panicked\n").unwrap_err();
+        assert_eq!(error.kind(), EngineErrorKind::Other);
         assert!(error.to_string().ends_with("thread 'main' panicked"), "{error}");
     }
 

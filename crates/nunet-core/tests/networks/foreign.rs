@@ -1,11 +1,14 @@
 //! Foreign networks by sidecar: layouts, channel orders, normalization, open dimensions.
 
+use nunet_core::depth::DepthError;
 use nunet_core::frame::{ImageView, PixelFormat};
+use nunet_core::graph::{GraphError, WiringError};
+use nunet_core::model::{ModelError, SidecarError};
 use nunet_core::pipeline::{Outputs, Pipeline, PipelineOptions};
 use nunet_testkit::models;
 use nunet_testkit::onnx::{ModelBuilder, OnnxElement};
 
-use crate::{Folder, SIZE, image, pixels, refusal, ticking};
+use crate::{Folder, SIZE, error_of, image, pixels, ticking, wiring_error};
 
 const F32: OnnxElement = OnnxElement::F32;
 
@@ -99,26 +102,40 @@ fn dimensions_that_the_file_leaves_open_are_the_sidecars() {
 fn sidecars_that_do_not_fit_are_refused() {
     let model = weighted_planes(&[1, 3, 3, 6], &[1, 1, 3, 6]);
     let good = sidecar("layout = \"nchw\"");
-    for (text, says) in [
-        (good.replace("\"x\"", "\"input\""), "stage `network` has no input `input`; its inputs are `x`"),
-        (
-            good.replace("\"y\"", "\"z\""),
-            "output `depth` takes `z` of stage `network`, whose outputs are `y`",
-        ),
-        (
-            good.replace("[3, 6]", "[6, 12]"),
-            "`x` of float32 [1, 3, 3, 6], but the image is float32 [1, 3, 6, 12]",
-        ),
-        (good.replace("nchw", "nhwc"), "but the image is float32 [1, 3, 6, 3]"),
-        (
-            good.replace("relative", "feet"),
-            "cannot read the sidecar `m.toml`: `feet` is not a depth encoding",
-        ),
-        ("version = 1\n".to_owned(), "cannot read the sidecar `m.toml`: "),
+    let refused =
+        |text: &str| error_of(Folder::new().model("m.onnx", &model).text("m.toml", text).load("m.onnx"));
+    let no_input =
+        WiringError::UnknownInput { stage: "network".into(), tensor: "input".into(), inputs: "`x`".into() };
+    let no_output = WiringError::UnknownTensor {
+        user: "output `depth`".into(),
+        stage: "network".into(),
+        tensor: "z".into(),
+        outputs: "`y`".into(),
+    };
+    let other_image = |expected: &str| WiringError::Image {
+        stage: "network".into(),
+        tensor: "x".into(),
+        kind: "float32 [1, 3, 3, 6]".into(),
+        expected: expected.into(),
+    };
+    for (from, to, expected) in [
+        ("\"x\"", "\"input\"", no_input),
+        ("\"y\"", "\"z\"", no_output),
+        ("[3, 6]", "[6, 12]", other_image("float32 [1, 3, 6, 12]")),
+        ("nchw", "nhwc", other_image("float32 [1, 3, 6, 3]")),
     ] {
-        let message = refusal(Folder::new().model("m.onnx", &model).text("m.toml", &text).load("m.onnx"));
-        assert!(message.contains(says), "{message}");
+        assert_eq!(wiring_error(refused(&good.replace(from, to))), expected, "{to}");
     }
+    let sidecar_error = |text: &str| match refused(text) {
+        GraphError::Description { source: ModelError::Sidecar { sidecar, source }, .. } => {
+            assert_eq!(sidecar, "m.toml");
+            source
+        }
+        other => panic!("{other}"),
+    };
+    let feet = SidecarError::Depth(DepthError::UnknownEncoding { text: "feet".to_owned() });
+    assert_eq!(sidecar_error(&good.replace("relative", "feet")), feet);
+    assert!(matches!(sidecar_error("version = 1\n"), SidecarError::Syntax { .. }));
 }
 
 #[test]
