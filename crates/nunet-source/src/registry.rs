@@ -294,15 +294,32 @@ mod tests {
         assert!(files(Path::new("demo")).is_empty());
     }
 
+    /// The text of the error for options that do not fit a source.
+    #[track_caller]
+    fn refused(source: &str, options: OpenOptions<'_>) -> String {
+        let error = SourceName::parse(source).open(options).err().expect("it is refused");
+        assert_eq!(error.kind(), SourceErrorKind::BadArguments, "{error:#}");
+        error.to_string()
+    }
+
+    #[test]
+    fn a_camera_in_shared_memory_has_its_own_pace() {
+        let rate = OpenOptions { rate: Some(Rate::Max), ..OpenOptions::default() };
+        let repeat = OpenOptions { repeat: true, ..OpenOptions::default() };
+        insta::assert_snapshot!(
+            refused("shm:front", rate),
+            @"a rate is for files and devices: a camera in shared memory has its own pace"
+        );
+        insta::assert_snapshot!(
+            refused("shm:front", repeat),
+            @"a loop is impossible: a camera in shared memory has its own pace"
+        );
+    }
+
     #[test]
     fn options_of_another_kind_of_source_are_refused() {
         let size = Some(ImageSize { width: 640, height: 480 });
         let format = Some(PixelFormat::Yuyv);
-        let refused = |source: &str, options: OpenOptions<'_>| {
-            let error = SourceName::parse(source).open(options).err().expect("it is refused");
-            assert_eq!(error.kind(), SourceErrorKind::BadArguments, "{error:#}");
-            error.to_string()
-        };
         let sized = OpenOptions { size, ..OpenOptions::default() };
         let error = refused("demo", sized);
         insta::assert_snapshot!(
@@ -328,15 +345,6 @@ mod tests {
         insta::assert_snapshot!(
             refused("-", repeat),
             @"a loop is impossible: standard input cannot begin again"
-        );
-        let rate = OpenOptions { rate: Some(Rate::Max), ..OpenOptions::default() };
-        insta::assert_snapshot!(
-            refused("shm:front", rate),
-            @"a rate is for files and devices: a camera in shared memory has its own pace"
-        );
-        insta::assert_snapshot!(
-            refused("shm:front", repeat),
-            @"a loop is impossible: a camera in shared memory has its own pace"
         );
         let topic = OpenOptions { topic: Some("/a"), ..OpenOptions::default() };
         let camera_settings = CameraSettings { gain: Some(CameraSetting::Auto), ..CameraSettings::UNCHANGED };
