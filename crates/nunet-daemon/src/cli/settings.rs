@@ -51,6 +51,14 @@ pub struct SettingLayers {
     cameras: Vec<Table>,
 }
 
+/// A mistake in the settings, by where it was made.
+enum SettingMistake {
+    /// clap adds the usage.
+    OnLine(String),
+    /// The usage of the command line would not help.
+    InFile(BadArguments),
+}
+
 /// Completes a parsed command line with the file that it names, and checks what clap cannot check without it.
 pub(super) fn complete(
     (run, logging): (Option<&mut RunCommand>, &mut LogArgs),
@@ -59,40 +67,23 @@ pub(super) fn complete(
 ) -> Result<(), clap::Error> {
     let Some((name, matches)) = matches.subcommand() else { return Ok(()) };
     let subcommand = command.find_subcommand(name).cloned().unwrap_or_default();
-    let mut refused = |message: String| command.error(ErrorKind::ValueValidation, message);
     let flags = table_of(&subcommand, matches, ValueSource::CommandLine);
-    let unmet = |table: &Table| match unmet_need(&subcommand, table) {
-        Some((flag, needed)) if flags.contains_key(flag) => Err(format!("`--{flag}` needs `--{needed}`")),
-        Some((key, needed)) => Err(format!("`{key}` needs `{needed}`")),
-        None => Ok(()),
+    let completed = match run {
+        Some(run) => run.complete(flags, logging, &subcommand, matches),
+        None => unmet_need(&subcommand, &flags).map_or(Ok(()), |need| Err(unmet_flag(need))),
     };
-    let Some(run) = run else { return unmet(&flags).map_err(refused) };
-    let (defaults, environment) = (ValueSource::DefaultValue, ValueSource::EnvVariable);
-    run.settings = SettingLayers {
-        defaults: table_of(&subcommand, matches, defaults),
-        environment: table_of(&subcommand, matches, environment),
-        cameras: vec![flags.clone()],
-    };
-    let Some(path) = &run.line.config else { return unmet(&flags).map_err(refused) };
-    refuse_what_is_not_unicode(&subcommand, matches).map_err(&mut refused)?;
-    let cameras = run.settings.with_file(path, &subcommand, &flags).map_err(in_file)?;
-    cameras.iter().try_for_each(unmet).map_err(|message| {
-        if message.starts_with("`--") {
-            refused(message)
-        } else {
-            in_file(BadArguments::new(format!("`{}`: {message}", path.display())))
+    completed.map_err(|mistake| match mistake {
+        SettingMistake::OnLine(message) => command.error(ErrorKind::ValueValidation, message),
+        SettingMistake::InFile(error) => {
+            let text = text_with_hint(&error);
+            let text = nunet_source::without_passwords(&text);
+            clap::Error::raw(ErrorKind::ValueValidation, printable::lines(&text).into_owned() + "\n")
         }
-    })?;
-    run.settings.cameras = cameras;
-    *logging = run.settings.parse(run.settings.first()).map_err(in_file)?;
-    Ok(())
+    })
 }
 
-/// A mistake in the file: the usage of the command line would not help.
-fn in_file(mistake: BadArguments) -> clap::Error {
-    let text = text_with_hint(&mistake);
-    let text = nunet_source::without_passwords(&text);
-    clap::Error::raw(ErrorKind::ValueValidation, printable::lines(&text).into_owned() + "\n")
+fn unmet_flag((flag, needed): (&str, &str)) -> SettingMistake {
+    SettingMistake::OnLine(format!("`--{flag}` needs `--{needed}`"))
 }
 
 impl SettingLayers {
@@ -148,6 +139,37 @@ impl SettingLayers {
 }
 
 impl RunCommand {
+    /// Keeps the layers, and adds the file to the flags.
+    fn complete(
+        &mut self,
+        flags: Table,
+        logging: &mut LogArgs,
+        run: &Command,
+        matches: &ArgMatches,
+    ) -> Result<(), SettingMistake> {
+        self.settings = SettingLayers {
+            defaults: table_of(run, matches, ValueSource::DefaultValue),
+            environment: table_of(run, matches, ValueSource::EnvVariable),
+            cameras: vec![flags.clone()],
+        };
+        let Some(path) = &self.line.config else {
+            return unmet_need(run, &flags).map_or(Ok(()), |need| Err(unmet_flag(need)));
+        };
+        refuse_what_is_not_unicode(run, matches).map_err(SettingMistake::OnLine)?;
+        let cameras = self.settings.with_file(path, run, &flags).map_err(SettingMistake::InFile)?;
+        let unmet = cameras.iter().find_map(|camera| unmet_need(run, camera));
+        match unmet {
+            Some(need) if flags.contains_key(need.0) => return Err(unmet_flag(need)),
+            Some((key, needed)) => {
+                let message = format!("`{}`: `{key}` needs `{needed}`", path.display());
+                return Err(SettingMistake::InFile(BadArguments::new(message)));
+            }
+            None => self.settings.cameras = cameras,
+        }
+        *logging = self.settings.parse(self.settings.first()).map_err(SettingMistake::InFile)?;
+        Ok(())
+    }
+
     /// As checked values: flags and file together.
     pub(crate) fn config(&self) -> anyhow::Result<Config> {
         let runs = match &self.line.config {
