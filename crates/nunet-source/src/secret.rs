@@ -1,9 +1,18 @@
 //! Passwords in names of sources and in what programs write: never part of a message. Where a password
 //! cannot be separated from the rest, the rest is hidden too.
 
+mod keys;
+mod url;
+mod words;
+
 use std::borrow::Cow;
-use std::net::{Ipv4Addr, Ipv6Addr};
 use std::ops::Range;
+
+use percent_encoding::percent_decode_str;
+
+use self::keys::{Next, after_flag, is_secret_before_words, start_of_value};
+use self::url::{in_address, in_url};
+use self::words::words;
 
 const AFTER_SCHEME: &str = "://";
 /// Replaces a password.
@@ -11,7 +20,7 @@ const HIDDEN: &str = "***";
 /// Kinds of sources whose prefix is no part of a URL.
 const COMMAND: &str = "exec:";
 const OTHER_PREFIXES: [&str; 2] = ["ros2:", "shm:"];
-/// Shorter parts of a password are in many words.
+/// Shorter parts of a password are in many words: hiding them would hide most of a message.
 const MIN_PART_BYTES: usize = 3;
 
 /// A text as it may be shown, such as a command or a line of its output.
@@ -42,12 +51,16 @@ impl Secrets {
         Self(all.collect()).sorted()
     }
 
+    /// Four forms of what is at `ranges`: all of it, and the part after its first `:`, both as they are
+    /// written and with the escapes of a URL decoded. Of each form, also its parts between characters that
+    /// are neither letters nor digits: programs cut a URL at other places than `ranges` does.
     fn at(text: &str, ranges: Vec<Range<usize>>) -> Self {
+        // As the output of programs is read: bytes that are not UTF-8 are replaced.
+        let decoded = |form: &str| percent_decode_str(form).decode_utf8_lossy().into_owned();
         let mut all = Vec::new();
         for secret in ranges.into_iter().filter_map(|range| text.get(range)) {
             let password = secret.split_once(':').map_or(secret, |(_, password)| password);
-            let escaped = [secret, password].map(str::to_owned);
-            for form in [secret, password].into_iter().filter_map(decoded).chain(escaped) {
+            for form in [decoded(secret), decoded(password), secret.to_owned(), password.to_owned()] {
                 all.extend(form.split(|c: char| !c.is_alphanumeric()).map(str::to_owned));
                 all.push(form);
             }
@@ -76,18 +89,6 @@ impl Secrets {
         let text = self.0.iter().fold(text.to_owned(), |text, secret| text.replace(secret, HIDDEN));
         without_passwords(&text).into_owned()
     }
-}
-
-/// A text whose bytes are escaped as in a URL; `None` if it is none.
-fn decoded(text: &str) -> Option<String> {
-    let mut parts = text.split('%');
-    let mut bytes = parts.next()?.as_bytes().to_vec();
-    for part in parts {
-        let (code, rest) = part.split_at_checked(2)?;
-        bytes.push(u8::from_str_radix(code, 16).ok()?);
-        bytes.extend_from_slice(rest.as_bytes());
-    }
-    String::from_utf8(bytes).ok()
 }
 
 /// `text` with ranges, which are in order, replaced.
@@ -119,14 +120,6 @@ fn in_name(name: &str) -> Vec<Range<usize>> {
     shifted(in_word(name.get(start..).unwrap_or_default()), start).collect()
 }
 
-/// What the next word may be.
-enum Next {
-    Any,
-    Password,
-    /// A user, perhaps with a password after a colon.
-    User,
-}
-
 /// The passwords in a command, or in a line of its output.
 fn in_text(text: &str) -> Vec<Range<usize>> {
     let (mut found, mut next) = (Vec::new(), Next::Any);
@@ -152,42 +145,6 @@ fn in_text(text: &str) -> Vec<Range<usize>> {
     found
 }
 
-fn after_flag(word: &str) -> Next {
-    let flag = word.trim_start_matches('-');
-    let is_flag = flag.len() < word.len() && !flag.contains(['=', ':']);
-    if is_flag && is_secret(flag) {
-        Next::Password
-    } else if is_flag && is_user(flag) {
-        Next::User
-    } else {
-        Next::Any
-    }
-}
-
-/// The words of a command, with their quotes, as a shell separates them.
-fn words(text: &str) -> Vec<Range<usize>> {
-    let (mut words, mut is_escaped) = (Vec::new(), false);
-    let (mut start, mut quote): (Option<usize>, Option<char>) = (None, None);
-    for (at, c) in text.char_indices() {
-        match quote {
-            _ if is_escaped => is_escaped = false,
-            Some(open) if open == c => quote = None,
-            open if c == '\\' && open != Some('\'') => {
-                start.get_or_insert(at);
-                is_escaped = true;
-            }
-            None if c.is_whitespace() => words.extend(start.take().map(|start| start..at)),
-            None => {
-                start.get_or_insert(at);
-                quote = matches!(c, '\'' | '"').then_some(c);
-            }
-            Some(_) => {}
-        }
-    }
-    words.extend(start.map(|start| start..text.len()));
-    words
-}
-
 /// The passwords in one word, in order.
 fn in_word(word: &str) -> Vec<Range<usize>> {
     let mut found: Vec<_> = match word.find(AFTER_SCHEME).map(|scheme| scheme + AFTER_SCHEME.len()) {
@@ -202,97 +159,6 @@ fn in_word(word: &str) -> Vec<Range<usize>> {
     }
     found.retain(|range| !range.is_empty());
     found
-}
-
-/// The users and passwords in a URL without its scheme. Characters that a URL would have to escape may be in
-/// them. Where the host is an IP address, it is found; otherwise it may be anything after the last `@`.
-fn in_url(url: &str) -> Vec<Range<usize>> {
-    let hosts = url.match_indices('@').map(|(at, _)| at + 1).chain([0]);
-    let address = |start: usize| Some(start..start + address_len(url.get(start..)?)?);
-    let Some(address) = hosts.filter_map(address).max_by_key(|address| address.start) else {
-        return Vec::from_iter(url.rfind('@').map(|at| 0..at).or_else(|| without_host(url)));
-    };
-    let path = url.get(address.end..).unwrap_or_default();
-    let in_path = path.rfind('@').filter(|&at| path.get(..at).is_some_and(|path| path.contains(':')));
-    let in_path = in_path.map(|at| address.end..address.end + at);
-    let before = (address.start > 0).then(|| 0..address.start - 1);
-    before.into_iter().chain(in_path).collect()
-}
-
-/// All of a URL whose port is no number: then it is a password.
-fn without_host(url: &str) -> Option<Range<usize>> {
-    let is_end = |c: char| matches!(c, '/' | '?' | '#') || c.is_whitespace();
-    let (_, port) = url.split(is_end).next()?.rsplit_once(':')?;
-    let port = port.trim_end_matches(|c: char| c.is_ascii_punctuation());
-    (!port.bytes().all(|byte| byte.is_ascii_digit())).then_some(0..url.len())
-}
-
-/// The length of an IP address with its port, if `url` begins with them.
-fn address_len(url: &str) -> Option<usize> {
-    let host_len = match url.strip_prefix('[') {
-        Some(rest) => {
-            let (address, _) = rest.split_once(']')?;
-            address.split('%').next()?.parse::<Ipv6Addr>().ok()?;
-            "[]".len() + address.len()
-        }
-        None => {
-            let len = url.find([':', '/', '?', '#']).unwrap_or(url.len());
-            url.get(..len)?.parse::<Ipv4Addr>().ok()?;
-            len
-        }
-    };
-    let rest = url.get(host_len..)?;
-    let after = match rest.strip_prefix(':') {
-        Some(port) => port.trim_start_matches(|c: char| c.is_ascii_digit()),
-        None => rest,
-    };
-    (after.is_empty() || after.starts_with(['/', '?', '#'])).then_some(url.len() - after.len())
-}
-
-/// `user:password@host`, perhaps after a scheme with a typing error.
-fn in_address(word: &str) -> Option<Range<usize>> {
-    let at = word.rfind('@')?;
-    let start = word.len() - word.trim_start_matches(['\'', '"']).len();
-    word.get(start..at)?.contains(':').then_some(start..at)
-}
-
-/// Where the value of the first key begins that names a password. It has no certain end: the value may have
-/// any character.
-fn start_of_value(word: &str) -> Option<usize> {
-    let keys = word.match_indices(['=', ':']).find_map(|(at, _)| {
-        let (key, value) = (last_key(word.get(..at)?), word.get(at + 1..)?);
-        (is_secret(key) || key == "p" || (is_user(key) && value.contains(':'))).then_some(at + 1)
-    });
-    // `curl -uUSER:PASSWORD`
-    keys.or_else(|| word.strip_prefix("-u").filter(|user| user.contains(':')).map(|_| "-u".len()))
-}
-
-/// The key at the end of a text.
-fn last_key(text: &str) -> &str {
-    text.rsplit(|c: char| !c.is_alphanumeric() && !matches!(c, '-' | '_' | '.')).next().unwrap_or_default()
-}
-
-/// Whether a key or a flag is one of a password.
-fn is_secret(key: &str) -> bool {
-    const PARTS: [&str; 7] =
-        ["passw", "passphrase", "secret", "token", "credential", "apikey", "authorization"];
-    const ENDS: [&str; 5] = ["pass", "pas", "pwd", "psw", "psk"];
-    let key = key.to_ascii_lowercase();
-    let last = key.rsplit(['-', '_', '.']).next().unwrap_or_default();
-    PARTS.iter().any(|part| key.contains(part))
-        || ENDS.iter().any(|end| key.ends_with(end))
-        || matches!(last, "pw" | "auth" | "key")
-}
-
-/// Whether a key and a colon may come before a password, and not only before a sentence.
-fn is_secret_before_words(text: &str) -> bool {
-    let key = last_key(text);
-    key != "key" && is_secret(key)
-}
-
-fn is_user(key: &str) -> bool {
-    let last = key.rsplit(['-', '_', '.']).next().unwrap_or_default();
-    last.eq_ignore_ascii_case("user") || last.eq_ignore_ascii_case("u")
 }
 
 #[cfg(test)]
@@ -391,5 +257,14 @@ mod tests {
     fn an_escaped_password_is_hidden_in_both_forms() {
         let secrets = Secrets::of_name("rtsp://admin:%23s%25t@10.0.0.4/a");
         assert_eq!(secrets.hide("admin, %23s%25t or #s%t"), "***, *** or ***");
+    }
+
+    #[test]
+    fn an_escaped_password_is_decoded_even_if_parts_of_it_cannot_be() {
+        let secrets = Secrets::of_name("rtsp://admin:1%zz%23%+fs@10.0.0.4/a");
+        assert_eq!(secrets.hide("1%zz#%+fs is wrong"), "*** is wrong");
+        // Latin-1, in a line that was read as UTF-8.
+        let secrets = Secrets::of_name("rtsp://admin:%e9%e8@10.0.0.4/a");
+        assert_eq!(secrets.hide("\u{fffd}\u{fffd} is wrong"), "*** is wrong");
     }
 }
