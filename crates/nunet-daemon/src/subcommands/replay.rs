@@ -129,7 +129,7 @@ fn first_fill(source: &mut dyn Source, frame: &mut Frame, stop: &Stop) -> Fill {
     }
 }
 
-/// The pipeline and both recordings.
+/// The pipeline, and the recording that it fills.
 struct Replay {
     pipeline: Pipeline,
     camera: CameraResolver,
@@ -141,8 +141,8 @@ struct Replay {
     labels: bool,
     confidence: bool,
     cloud: bool,
-    /// Hash of depth and labels only: independent of other recorded data.
-    results: Sha256,
+    /// Independent of other recorded data.
+    depth_and_labels_hash: Sha256,
     frames: u64,
     failed: u64,
     cut: bool,
@@ -167,7 +167,7 @@ impl FrameHandler for Replay {
                 }
                 self.failed += 1;
             }
-            Err(ReplayError::Output(error)) => return Err(error),
+            Err(ReplayError::Fatal(error)) => return Err(error),
         }
         self.progress.inc(1);
         self.frame = frame;
@@ -191,6 +191,7 @@ impl FrameHandler for Replay {
 
 impl Replay {
     fn new(pipeline: Pipeline, camera: CameraResolver, writer: FrameWriter, options: &ReplayOptions) -> Self {
+        // Where no camera of a robot can be, the mount is for `/tf_static` alone: attitudes are not used.
         let mount = options.mount.and_then(|mount| mount.pose().ok());
         let attitude = mount.map(|mount| AttitudeConfig { source: AttitudeSource::Recording, mount });
         let publish = &options.publish;
@@ -205,7 +206,7 @@ impl Replay {
             labels: publish.contains(&Publish::Labels),
             confidence: publish.contains(&Publish::Confidence),
             cloud: publish.contains(&Publish::Cloud),
-            results: Sha256::new(),
+            depth_and_labels_hash: Sha256::new(),
             frames: 0,
             failed: 0,
             cut: false,
@@ -240,7 +241,7 @@ impl Replay {
     fn replay_frame(&mut self, frame: &mut Frame) -> Result<(), ReplayError> {
         let report = self.infer(frame).map_err(|error| {
             // The camera does not fit the images, so no frame of the recording can be replayed.
-            if is_usage(&error) { ReplayError::Output(error) } else { ReplayError::Frame(error) }
+            if is_usage(&error) { ReplayError::Fatal(error) } else { ReplayError::Frame(error) }
         })?;
         // A bar that is hidden for each frame would flicker.
         if report.invalid_pixels as usize >= self.pipeline.size().pixel_count() {
@@ -264,13 +265,13 @@ impl Replay {
             roll_pitch_rad: self.attitude.as_ref().and_then(AttitudeStage::roll_pitch_rad),
         });
         let written = self.writer.write(&self.record);
-        self.results.update(self.record.depth().bytes);
-        self.results.update(self.record.labels().unwrap_or_default());
+        self.depth_and_labels_hash.update(self.record.depth().bytes);
+        self.depth_and_labels_hash.update(self.record.labels().unwrap_or_default());
         *frame = std::mem::take(&mut self.record.frame);
-        written.map_err(ReplayError::Output)?;
+        written.map_err(ReplayError::Fatal)?;
         // Counted in frames, not time, so that every replay writes the same bytes.
         if (self.frames + 1).is_multiple_of(SYNC_FRAMES) {
-            self.writer.sync().map_err(ReplayError::Output)
+            self.writer.sync().map_err(ReplayError::Fatal)
         } else {
             Ok(())
         }
@@ -295,9 +296,9 @@ impl Replay {
     fn finish(self, options: &ReplayOptions) -> anyhow::Result<Outcome> {
         let Self { frames, failed, cut, .. } = self;
         self.writer.finish()?;
-        let hash = file_sha256(&options.output)
+        let file_hash = file_sha256(&options.output)
             .with_context(|| format!("cannot read `{}` to compute its hash", options.output.display()))?;
-        let hash = hash.unwrap_or_else(|| "unavailable: the output is not a regular file".to_owned());
+        let hash = file_hash.unwrap_or_else(|| "unavailable: the output is not a regular file".to_owned());
         let text = if options.json {
             json!({
                 "contract": nunet_ipc::CONTRACT_VERSION,
@@ -305,7 +306,7 @@ impl Replay {
                 "failed": failed,
                 "cut": cut,
                 "results_sha256": hash,
-                "depth_and_labels_sha256": hexadecimal(self.results.finalize().as_slice()),
+                "depth_and_labels_sha256": hexadecimal(self.depth_and_labels_hash.finalize().as_slice()),
             })
             .to_string()
         } else {
@@ -317,10 +318,12 @@ impl Replay {
     }
 }
 
-/// A frame that cannot be processed is lost; a file that cannot be written ends the replay.
+/// Why a frame is not in the output.
 enum ReplayError {
+    /// It cannot be processed, and is lost.
     Frame(anyhow::Error),
-    Output(anyhow::Error),
+    /// The user's camera does not fit the images, or the output cannot be written: the replay ends.
+    Fatal(anyhow::Error),
 }
 
 #[cfg(test)]
