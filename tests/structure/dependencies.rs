@@ -1,7 +1,10 @@
-//! Allowed dependencies: one folder uses ONNX Runtime, one crate iceoryx2, one the MCAP libraries, nunet-ipc
-//! is a leaf, and the Python package uses the daemon's crate for the command `nunetd` only.
+//! Where libraries may be used: one folder uses ONNX Runtime, one crate iceoryx2, one the MCAP libraries, and
+//! the Python package uses the daemon's crate for the command `nunetd` only.
+
+use std::collections::BTreeSet;
 
 use crate::assert_none;
+use crate::crates::{differences, locked, short, text};
 use crate::repository;
 use crate::rust_source::paths;
 
@@ -25,102 +28,24 @@ const HOMES: [(&str, &[&str]); 8] = [
     ),
 ];
 
-/// A crate's manifest, and what it must not depend on.
-const NO_DEPENDENCY: [(&str, &[&str]); 18] = [
-    (
-        "crates/nunet-c/Cargo.toml",
-        &["nunet-core", "nunet-daemon", "nunet-mcap", "ort", "iceoryx2", "serde", "anyhow", "rustix"],
-    ),
-    ("crates/nunet-ipc/Cargo.toml", &["nunet-core", "nunet-daemon", "ort", "serde", "serde_json", "anyhow"]),
-    ("crates/nunet-core/Cargo.toml", &["nunet-ipc", "nunet-daemon", "iceoryx2", "clap", "anyhow", "tracing"]),
-    ("crates/nunet-daemon/Cargo.toml", &["ort", "iceoryx2", "mcap", "foxglove"]),
-    (
-        "crates/nunet-engine/Cargo.toml",
-        &["ort", "iceoryx2", "mcap", "nunet-ipc", "nunet-mcap", "nunet-daemon", "clap", "anyhow"],
-    ),
-    (
-        "crates/nunet-eval/Cargo.toml",
-        &["ort", "iceoryx2", "mcap", "foxglove", "nunet-ipc", "nunet-daemon", "clap", "anyhow", "tracing"],
-    ),
-    (
-        "crates/nunet-files/Cargo.toml",
-        &[
-            "nunet-core",
-            "nunet-ipc",
-            "nunet-mcap",
-            "nunet-source",
-            "nunet-engine",
-            "nunet-daemon",
-            "clap",
-            "anyhow",
-            "tracing",
-        ],
-    ),
-    (
-        "crates/nunet-foxglove/Cargo.toml",
-        &["ort", "iceoryx2", "mcap", "clap", "anyhow", "nunet-ipc", "nunet-engine", "nunet-daemon"],
-    ),
-    (
-        "crates/nunet-mcap/Cargo.toml",
-        &["ort", "iceoryx2", "nunet-core", "nunet-ipc", "nunet-daemon", "anyhow"],
-    ),
-    ("crates/nunet-py/Cargo.toml", &["ort", "iceoryx2", "mcap", "foxglove", "clap", "nunet-mcap"]),
-    (
-        "crates/nunet-source/Cargo.toml",
-        &["ort", "iceoryx2", "mcap", "foxglove", "clap", "anyhow", "nunet-daemon", "nunet-engine"],
-    ),
-    (
-        "crates/nunet-ros2/Cargo.toml",
-        &["ort", "iceoryx2", "mcap", "foxglove", "clap", "nunet-engine", "nunet-ipc", "nunet-daemon"],
-    ),
-    (
-        "crates/nunet-ros2-link/Cargo.toml",
-        &[
-            "ort",
-            "iceoryx2",
-            "mcap",
-            "foxglove",
-            "clap",
-            "anyhow",
-            "nunet-core",
-            "nunet-ipc",
-            "nunet-source",
-            "nunet-daemon",
-        ],
-    ),
-    (
-        "crates/nunet-sink/Cargo.toml",
-        &["ort", "iceoryx2", "mcap", "foxglove", "clap", "nunet-engine", "nunet-daemon"],
-    ),
-    (
-        "crates/nunet-telemetry/Cargo.toml",
-        &["ort", "iceoryx2", "nunet-core", "nunet-ipc", "nunet-source", "nunet-daemon", "clap", "anyhow"],
-    ),
-    ("crates/nunet-testkit/Cargo.toml", &["ort", "iceoryx2", "nunet-daemon"]),
-    (
-        "crates/nunet-view/Cargo.toml",
-        &[
-            "ort",
-            "iceoryx2",
-            "nunet-core",
-            "nunet-ipc",
-            "nunet-source",
-            "nunet-engine",
-            "nunet-daemon",
-            "clap",
-            "anyhow",
-        ],
-    ),
-    ("xtask/Cargo.toml", &["ort", "iceoryx2", "nunet-core", "nunet-ipc", "nunet-daemon"]),
-];
-
-/// A crate's manifest, and the only crates of the workspace that it may depend on, its tests included.
-const ONLY: [(&str, &[&str]); 5] = [
-    ("crates/nunet-types/Cargo.toml", &[]),
-    ("crates/nunet-telemetry/Cargo.toml", &[]),
-    ("crates/nunet-mavlink/Cargo.toml", &["nunet-types"]),
-    ("crates/nunet-ros2-link/Cargo.toml", &["nunet-types", "nunet-mcap", "nunet-testkit"]),
-    ("crates/nunet-c/Cargo.toml", &["nunet-types", "nunet-ipc"]),
+/// A library, and the only crates that depend on it, their tests included. Their names are without `nunet-`.
+const LIBRARIES: [(&str, &str); 16] = [
+    ("anyhow", "daemon py ros2 sink xtask"),
+    ("axum", "view"),
+    ("clap", "daemon"),
+    ("dust_dds", "ros2-link"),
+    ("foxglove", "foxglove mcap"),
+    ("iceoryx2", "ipc"),
+    ("mavlink", "mavlink"),
+    ("mcap", "mcap"),
+    ("ort", "core"),
+    ("pyo3", "py"),
+    ("rustix", "daemon engine files foxglove ipc mavlink source"),
+    ("serde", "core daemon engine eval files mcap ros2 ros2-link source telemetry view xtask"),
+    ("serde_json", "core daemon engine eval files foxglove mcap sink source telemetry view xtask"),
+    ("tracing", "daemon engine foxglove ros2 ros2-link sink source telemetry view"),
+    ("zenoh", "ros2-link"),
+    ("zenoh-ext", "ros2-link"),
 ];
 
 fn forbidden_paths(path: &str, text: &str) -> Vec<String> {
@@ -137,41 +62,6 @@ fn forbidden_paths(path: &str, text: &str) -> Vec<String> {
         );
     }
     problems
-}
-
-/// Names of the normal, build and development dependencies of a manifest.
-fn dependencies(manifest: &str) -> Vec<String> {
-    let mut names = Vec::new();
-    let mut inside = false;
-    for line in manifest.lines().map(str::trim) {
-        if let Some(section) = line.strip_prefix('[').and_then(|line| line.strip_suffix(']')) {
-            let (table, name) = section.rsplit_once("dependencies").unwrap_or((section, ""));
-            inside = section.ends_with("dependencies");
-            if !inside && section.contains("dependencies.") && !table.contains("workspace") {
-                names.push(name.trim_start_matches('.').to_owned());
-            }
-        } else if inside && !line.starts_with('#') {
-            let name = line.split(['=', '.', ' ']).next().unwrap_or_default();
-            names.extend((!name.is_empty()).then(|| name.to_owned()));
-        }
-    }
-    names
-}
-
-fn forbidden(path: &str, manifest: &str, unwanted: &[&str]) -> Vec<String> {
-    let depends = dependencies(manifest).into_iter().filter(|name| unwanted.contains(&name.as_str()));
-    depends.map(|name| format!("{path}: must not depend on `{name}`")).collect()
-}
-
-fn beyond(path: &str, manifest: &str, allowed: &[&str]) -> Vec<String> {
-    let own = dependencies(manifest).into_iter().filter(|name| name.starts_with("nunet-"));
-    let others = own.filter(|name| !allowed.contains(&name.as_str()));
-    others.map(|name| format!("{path}: must not depend on `{name}`, only on {allowed:?}")).collect()
-}
-
-/// The manifest of a crate.
-fn manifest(path: &str) -> String {
-    repository::texts(|found| found == path).remove(0).1
 }
 
 #[test]
@@ -198,45 +88,14 @@ fn in_the_python_package_only_the_command_uses_the_daemon() {
 }
 
 #[test]
-fn crates_depend_only_on_what_their_layer_allows() {
-    let manifests = repository::texts(|path| path.ends_with("Cargo.toml"));
-    let mut problems = Vec::new();
-    for (path, unwanted) in NO_DEPENDENCY {
-        let manifest = manifests.iter().find(|(found, _)| found == path);
-        let (_, text) = manifest.unwrap_or_else(|| panic!("{path} is gone; fix NO_DEPENDENCY"));
-        assert!(!dependencies(text).is_empty(), "{path}: no dependency was understood");
-        problems.extend(forbidden(path, text, unwanted));
-    }
-    assert_none(&problems);
-}
-
-#[test]
-fn leaves_depend_on_the_crates_of_the_workspace_that_are_listed_alone() {
-    let problems = ONLY.iter().flat_map(|(path, allowed)| beyond(path, &manifest(path), allowed));
+fn each_restricted_library_is_a_dependency_of_the_listed_crates_alone() {
+    let lock = text("Cargo.lock");
+    let locked = locked(&lock);
+    let problems = LIBRARIES.iter().flat_map(|(library, listed)| {
+        let users = locked.iter().filter(|(_, uses)| uses.contains(library)).map(|(name, _)| short(name));
+        let what = format!("crates that use `{library}`");
+        differences(&what, &users.collect(), &listed.split_whitespace().collect())
+    });
     assert_none(&problems.collect::<Vec<_>>());
-    assert_eq!(dependencies(&manifest("crates/nunet-types/Cargo.toml")), ["bytemuck"]);
-}
-
-#[test]
-fn a_dependency_that_is_not_listed_is_found() {
-    let text =
-        "[dependencies]\nnunet-types.workspace = true\nserde = \"1\"\n[dev-dependencies]\nnunet-core = {}\n";
-    assert_eq!(beyond("Cargo.toml", text, &["nunet-types"]).len(), 1);
-    assert_eq!(beyond("Cargo.toml", text, &[]).len(), 2);
-    assert_none(&beyond("Cargo.toml", text, &["nunet-types", "nunet-core"]));
-}
-
-#[test]
-fn a_forbidden_dependency_is_found_in_every_spelling() {
-    for manifest in [
-        "[dependencies]\nort.workspace = true",
-        "[dev-dependencies]\nort = \"2\"",
-        "[target.'cfg(unix)'.dependencies]\nort = { version = \"2\" }",
-        "[dependencies.ort]\nversion = \"2\"",
-    ] {
-        assert_eq!(forbidden("Cargo.toml", manifest, &["ort"]).len(), 1, "{manifest}");
-    }
-    assert!(
-        forbidden("Cargo.toml", "[dependencies]\nsort = \"1\"\n[features]\nort = []", &["ort"]).is_empty()
-    );
+    assert_eq!(locked["nunet-types"], BTreeSet::from(["bytemuck"]));
 }

@@ -6,6 +6,7 @@
 
 mod core_rules;
 mod counts;
+mod crates;
 mod cycles;
 mod dependencies;
 mod documents;
