@@ -2,7 +2,7 @@
 
 use nunet_types::ImageSize;
 
-use crate::messages::{CameraInfo, Header, RegionOfInterest};
+use crate::messages::{Header, RegionOfInterest, RosCameraInfo};
 
 /// The description of a camera in a recording.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -45,7 +45,7 @@ impl CameraDescription {
     }
 
     /// From ROS 2's message.
-    pub(crate) fn of_ros(info: &CameraInfo<'_>, rectified: bool) -> Self {
+    pub(crate) fn of_ros(info: &RosCameraInfo<'_>, rectified: bool) -> Self {
         let matrices = CameraMatrices { k: &info.k, p: &info.p };
         let size = ImageSize::new(info.width, info.height);
         Self::of_matrices(size, matrices, &info.distortion_model, info.d.clone(), rectified).captured(info)
@@ -75,7 +75,7 @@ impl CameraDescription {
 
     /// Converts the camera of the full sensor, which K, P, width and height of the ROS 2 message
     /// describe, to the camera of the images (region of interest and binning).
-    fn captured(mut self, info: &CameraInfo<'_>) -> Self {
+    fn captured(mut self, info: &RosCameraInfo<'_>) -> Self {
         if self.fault.is_some() {
             return self;
         }
@@ -111,9 +111,9 @@ impl CameraDescription {
         }
     }
 
-    pub(crate) fn ros_message<'a>(&'a self, header: Header<'a>) -> CameraInfo<'a> {
+    pub(crate) fn ros_message<'a>(&'a self, header: Header<'a>) -> RosCameraInfo<'a> {
         let [fx, fy, cx, cy] = self.intrinsics;
-        CameraInfo {
+        RosCameraInfo {
             header,
             height: self.height,
             width: self.width,
@@ -155,7 +155,7 @@ mod tests {
 
     /// A sensor of 640x480 pixels of which the region of interest is 320x240 in the middle, and the camera of
     /// its images.
-    fn cropped(change: impl Fn(&mut CameraInfo<'_>), rectified: bool) -> CameraDescription {
+    fn cropped(change: impl Fn(&mut RosCameraInfo<'_>), rectified: bool) -> CameraDescription {
         let whole = CameraDescription {
             width: 640,
             height: 480,

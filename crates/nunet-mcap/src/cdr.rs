@@ -37,10 +37,10 @@ pub(crate) fn encode<T: Serialize>(message: &T, out: &mut Vec<u8>) -> Result<(),
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::messages::{Header, Image, Time};
+    use crate::messages::{Header, RosImage, Time};
 
-    fn image(data: &[u8]) -> Image<'_> {
-        Image {
+    fn image(data: &[u8]) -> RosImage<'_> {
+        RosImage {
             header: Header { stamp: Time { sec: 7, nanosec: 8 }, frame_id: "eye".into() },
             height: 1,
             width: 2,
@@ -69,7 +69,7 @@ mod tests {
         ]
         .concat();
         assert_eq!(out, expected);
-        assert_eq!(decode::<Image<'_>>(&out).unwrap(), image(&[5, 6]));
+        assert_eq!(decode::<RosImage<'_>>(&out).unwrap(), image(&[5, 6]));
     }
 
     #[test]
@@ -77,7 +77,7 @@ mod tests {
         let mut whole = Vec::new();
         encode(&image(&[1; 40]), &mut whole).unwrap();
         for length in 0..whole.len() {
-            assert!(decode::<Image<'_>>(&whole[..length]).is_err(), "{length} bytes");
+            assert!(decode::<RosImage<'_>>(&whole[..length]).is_err(), "{length} bytes");
         }
     }
 
@@ -85,10 +85,10 @@ mod tests {
     fn big_endian_messages_are_read_and_other_encapsulations_named() {
         let little = cdr_encoding::to_vec::<_, BigEndian>(&image(&[9, 9])).unwrap();
         let message: Vec<u8> = [&[0, 0, 0, 0][..], &little].concat();
-        assert_eq!(decode::<Image<'_>>(&message).unwrap(), image(&[9, 9]));
-        let error = decode::<Image<'_>>(&[0, 7, 0, 0]).unwrap_err();
+        assert_eq!(decode::<RosImage<'_>>(&message).unwrap(), image(&[9, 9]));
+        let error = decode::<RosImage<'_>>(&[0, 7, 0, 0]).unwrap_err();
         assert_eq!(error, "encapsulation 00 07 is not plain CDR");
-        let error = decode::<Image<'_>>(&[0x28, 0xb5, 0x2f, 0xfd, 0x20, 0]).unwrap_err();
+        let error = decode::<RosImage<'_>>(&[0x28, 0xb5, 0x2f, 0xfd, 0x20, 0]).unwrap_err();
         assert!(error.contains("--compression-mode message"), "{error}");
     }
 }

@@ -7,10 +7,13 @@ use nunet_types::{ImageSize, counted};
 use crate::camera::{CameraDescription, CameraMatrices};
 use crate::cdr;
 use crate::channel::{ChannelKind, Content, MessageFormat};
-use crate::foxglove_json as json;
+use crate::foxglove_json::{JsonCameraCalibration, JsonCompressedImage, JsonRawImage};
 use crate::image::{Purpose, Raw, RecordedImage};
 use crate::image_error::ImageError;
-use crate::messages::{self, CameraInfo, CompressedImage, Image};
+use crate::messages::{
+    FoxgloveCameraCalibration, FoxgloveCompressedImage, FoxgloveRawImage, RosCameraInfo, RosCompressedImage,
+    RosImage,
+};
 use crate::topics::{TopicContent, is_rectified};
 
 /// How the messages of a topic are read.
@@ -45,10 +48,10 @@ pub(crate) fn image(
     match (kind.content, kind.form) {
         (Content::Camera, _) => Err("it describes a camera".to_owned().into()),
         (Content::RawImage, MessageFormat::Ros) => {
-            image.set_ros_image(&cdr::decode::<Image<'_>>(data)?, purpose)
+            image.set_ros_image(&cdr::decode::<RosImage<'_>>(data)?, purpose)
         }
         (Content::CompressedImage, MessageFormat::Ros) => {
-            image.set_ros_compressed(&cdr::decode::<CompressedImage<'_>>(data)?, purpose)
+            image.set_ros_compressed(&cdr::decode::<RosCompressedImage<'_>>(data)?, purpose)
         }
         (Content::RawImage, form) => raw_image(form, data, purpose, image),
         (Content::CompressedImage, form) => compressed_image(form, data, purpose, image),
@@ -74,15 +77,15 @@ fn raw_image(
             set(nanos(message.timestamp), &message.frame_id, &raw)
         }
         MessageFormat::FoxgloveJson => {
-            let message = json::RawImage::decode(data)?;
-            let json::RawImage { width, height, step, encoding, data, .. } = &message;
+            let message = JsonRawImage::decode(data)?;
+            let JsonRawImage { width, height, step, encoding, data, .. } = &message;
             let (width, height, step) = (*width, *height, *step);
             let raw = Raw { width, height, step, encoding, data, big_endian: false };
             set(message.unix_nanos, &message.frame_id, &raw)
         }
         MessageFormat::FoxgloveCdr | MessageFormat::Ros => {
-            let message: messages::RawImage<'_> = cdr::decode(data)?;
-            let messages::RawImage { width, height, step, encoding, data, .. } = &message;
+            let message: FoxgloveRawImage<'_> = cdr::decode(data)?;
+            let FoxgloveRawImage { width, height, step, encoding, data, .. } = &message;
             let (width, height, step) = (*width, *height, *step);
             let raw = Raw { width, height, step, encoding, data, big_endian: false };
             set(message.header.stamp.unix_nanos(), &message.header.frame_id, &raw)
@@ -103,12 +106,12 @@ fn compressed_image(
             out.set_file(&message.data, &message.format, purpose)
         }
         MessageFormat::FoxgloveJson => {
-            let message = json::CompressedImage::decode(data)?;
+            let message = JsonCompressedImage::decode(data)?;
             out.set_header(message.unix_nanos, &message.frame_id);
             out.set_file(&message.data, &message.format, purpose)
         }
         MessageFormat::FoxgloveCdr | MessageFormat::Ros => {
-            let message: messages::FoxgloveCompressedImage<'_> = cdr::decode(data)?;
+            let message: FoxgloveCompressedImage<'_> = cdr::decode(data)?;
             out.set_header(message.header.stamp.unix_nanos(), &message.header.frame_id);
             out.set_file(message.data, &message.format, purpose)
         }
@@ -143,9 +146,11 @@ pub(crate) fn camera(
         Ok(CameraDescription::of_matrices(size, CameraMatrices { k, p }, model, d, rectified))
     };
     match kind.form {
-        MessageFormat::Ros => Ok(CameraDescription::of_ros(&cdr::decode::<CameraInfo<'_>>(data)?, rectified)),
+        MessageFormat::Ros => {
+            Ok(CameraDescription::of_ros(&cdr::decode::<RosCameraInfo<'_>>(data)?, rectified))
+        }
         MessageFormat::FoxgloveCdr => {
-            let camera: messages::CameraCalibration<'_> = cdr::decode(data)?;
+            let camera: FoxgloveCameraCalibration<'_> = cdr::decode(data)?;
             let matrices = [&camera.k[..], &camera.r, &camera.p];
             of((camera.width, camera.height), matrices, &camera.distortion_model, camera.d)
         }
@@ -155,7 +160,7 @@ pub(crate) fn camera(
             of((camera.width, camera.height), matrices, &camera.distortion_model, camera.d)
         }
         MessageFormat::FoxgloveJson => {
-            let camera = json::CameraCalibration::decode(data)?;
+            let camera = JsonCameraCalibration::decode(data)?;
             let matrices = [&camera.k[..], &camera.r, &camera.p];
             of((camera.width, camera.height), matrices, &camera.distortion_model, camera.d)
         }

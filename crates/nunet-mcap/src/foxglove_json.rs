@@ -14,7 +14,7 @@ const OF_IMAGES: [&str; 9] =
 
 /// `foxglove.CameraCalibration`
 #[derive(Debug)]
-pub(crate) struct CameraCalibration {
+pub(crate) struct JsonCameraCalibration {
     pub(crate) width: u32,
     pub(crate) height: u32,
     pub(crate) distortion_model: String,
@@ -24,7 +24,7 @@ pub(crate) struct CameraCalibration {
     pub(crate) p: Vec<f64>,
 }
 
-impl CameraCalibration {
+impl JsonCameraCalibration {
     pub(crate) fn decode(message: &[u8]) -> Result<Self, String> {
         let mut fields = Fields::parse(message, &OF_CAMERAS)?;
         Ok(Self {
@@ -41,7 +41,7 @@ impl CameraCalibration {
 
 /// `foxglove.RawImage`
 #[derive(Debug)]
-pub(crate) struct RawImage {
+pub(crate) struct JsonRawImage {
     /// Nanoseconds since 1970; 0 if unknown.
     pub(crate) unix_nanos: i64,
     pub(crate) frame_id: String,
@@ -52,7 +52,7 @@ pub(crate) struct RawImage {
     pub(crate) data: Vec<u8>,
 }
 
-impl RawImage {
+impl JsonRawImage {
     pub(crate) fn decode(message: &[u8]) -> Result<Self, String> {
         let mut fields = Fields::parse(message, &OF_IMAGES)?;
         Ok(Self {
@@ -69,7 +69,7 @@ impl RawImage {
 
 /// `foxglove.CompressedImage`
 #[derive(Debug)]
-pub(crate) struct CompressedImage {
+pub(crate) struct JsonCompressedImage {
     /// Nanoseconds since 1970; 0 if unknown.
     pub(crate) unix_nanos: i64,
     pub(crate) frame_id: String,
@@ -77,7 +77,7 @@ pub(crate) struct CompressedImage {
     pub(crate) format: String,
 }
 
-impl CompressedImage {
+impl JsonCompressedImage {
     pub(crate) fn decode(message: &[u8]) -> Result<Self, String> {
         let mut fields = Fields::parse(message, &OF_IMAGES)?;
         Ok(Self {
@@ -99,8 +99,8 @@ mod tests {
 
     const K: &str = "[50, 0, 31.5, 0, 51, 24.5, 0, 0, 1]";
 
-    fn camera(fields: &str) -> Result<CameraCalibration, String> {
-        CameraCalibration::decode(format!("{{{fields}}}").as_bytes())
+    fn camera(fields: &str) -> Result<JsonCameraCalibration, String> {
+        JsonCameraCalibration::decode(format!("{{{fields}}}").as_bytes())
     }
 
     #[test]
@@ -153,19 +153,20 @@ mod tests {
         assert_eq!(with(r#""D": [0.1, null]"#), "value 2 of `D` is null, expected a number");
         assert_eq!(with(r#""p": {"0": 1}"#), "`p` is an object, expected an array of numbers");
         assert_eq!(with(r#""distortionModel": 7"#), "`distortionModel` is 7, expected a text");
-        let image = RawImage::decode(br#"{"width": 2, "height": 1, "step": 2, "data": "Bwg="}"#).unwrap_err();
+        let image =
+            JsonRawImage::decode(br#"{"width": 2, "height": 1, "step": 2, "data": "Bwg="}"#).unwrap_err();
         assert_eq!(image, "`encoding` is missing");
-        assert!(CameraCalibration::decode(b"[1]").unwrap_err().contains("expected an object"));
+        assert!(JsonCameraCalibration::decode(b"[1]").unwrap_err().contains("expected an object"));
         let text = format!("\"{}\"", "x".repeat(100_000));
         assert!(
-            CameraCalibration::decode(text.as_bytes()).unwrap_err().len() <= 200,
+            JsonCameraCalibration::decode(text.as_bytes()).unwrap_err().len() <= 200,
             "its text is shortened"
         );
     }
 
     #[test]
     fn bytes_are_base64_or_numbers() {
-        let decode = |data: &str| CompressedImage::decode(format!(r#"{{"data": {data}}}"#).as_bytes());
+        let decode = |data: &str| JsonCompressedImage::decode(format!(r#"{{"data": {data}}}"#).as_bytes());
         for data in [r#""BwgJ""#, "[7, 8, 9]"] {
             assert_eq!(decode(data).unwrap().data, [7, 8, 9]);
         }
@@ -199,7 +200,7 @@ mod tests {
     fn stamps_of_ros_and_protobuf_are_read_and_others_are_unknown() {
         let nanos = |stamp: &str| {
             let message = format!(r#"{{"data": "", "timestamp": {stamp}}}"#);
-            CompressedImage::decode(message.as_bytes()).unwrap().unix_nanos
+            JsonCompressedImage::decode(message.as_bytes()).unwrap().unix_nanos
         };
         assert_eq!(nanos(r#"{"sec": 3, "nsec": 5}"#), 3_000_000_005);
         assert_eq!(nanos(r#"{"seconds": "3", "nanos": 5}"#), 3_000_000_005);

@@ -5,7 +5,7 @@ use nunet_types::{ImageSize, MAX_FRAME_ID, MAX_SIDE_PX};
 use crate::compressed_depth;
 use crate::encoding::ImageEncoding;
 use crate::image_error::ImageError;
-use crate::messages::{CompressedImage, Image};
+use crate::messages::{RosCompressedImage, RosImage};
 
 const JPEG: [u8; 3] = [0xff, 0xd8, 0xff];
 const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
@@ -92,9 +92,9 @@ impl RecordedImage {
         }
     }
 
-    pub(crate) fn set_ros_image(&mut self, image: &Image<'_>, purpose: Purpose) -> Result<(), ImageError> {
+    pub(crate) fn set_ros_image(&mut self, image: &RosImage<'_>, purpose: Purpose) -> Result<(), ImageError> {
         self.set_header(image.header.stamp.unix_nanos(), &image.header.frame_id);
-        let Image { width, height, step, .. } = *image;
+        let RosImage { width, height, step, .. } = *image;
         let big_endian = image.is_bigendian != 0;
         self.set_raw(
             &Raw { width, height, step, encoding: &image.encoding, data: image.data, big_endian },
@@ -104,7 +104,7 @@ impl RecordedImage {
 
     pub(crate) fn set_ros_compressed(
         &mut self,
-        image: &CompressedImage<'_>,
+        image: &RosCompressedImage<'_>,
         purpose: Purpose,
     ) -> Result<(), ImageError> {
         self.set_header(image.header.stamp.unix_nanos(), &image.header.frame_id);

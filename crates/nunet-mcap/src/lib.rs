@@ -94,7 +94,7 @@ pub use frame_record::{CloudRecord, DepthRecord, EncodedImage, FrameRecord, Scal
 pub use image::RecordedImage;
 pub use live::TopicDecoder;
 pub use mount::{BASE_FRAME, CameraMount};
-pub use obstacles::ObstaclesRecord;
+pub use obstacles::ObstacleMapRecord;
 pub use other_files::{conversion_hint, recording_of_another_format};
 pub use parts::{files, is_recording};
 pub use reader::{Next, Recording, model_of_results};

@@ -42,7 +42,7 @@ mod tests {
 
     use super::*;
     use crate::ImageEncoding;
-    use crate::ros::{Header, RawImage, RosMessage, Time};
+    use crate::ros::{Header, ImagePixels, RosMessage, Time};
 
     fn header() -> Header<'static> {
         Header { stamp: Time { sec: 3, nanosec: 5 }, frame_id: "eye".into() }
@@ -63,7 +63,7 @@ mod tests {
 
     #[test]
     fn an_image_is_read_and_every_cut_of_it_is_an_error() {
-        let image = RawImage { width: 2, height: 1, encoding: "mono8", pixel_bytes: 1, data: &[7, 8] };
+        let image = ImagePixels { width: 2, height: 1, encoding: "mono8", pixel_bytes: 1, data: &[7, 8] };
         let mut message = Vec::new();
         RosMessage::Image(image).encode(&header(), &mut message).unwrap();
         let decoder = TopicDecoder::new("/image", "sensor_msgs/msg/Image").unwrap();
@@ -78,7 +78,7 @@ mod tests {
 
     /// The coordinate frame of an image whose header has `frame_id`, and whether it was changed.
     fn frame_id_of(frame_id: &[u8]) -> (String, bool) {
-        let image = RawImage { width: 2, height: 1, encoding: "mono8", pixel_bytes: 1, data: &[7, 8] };
+        let image = ImagePixels { width: 2, height: 1, encoding: "mono8", pixel_bytes: 1, data: &[7, 8] };
         let (mut message, mut read) = (Vec::new(), RecordedImage::default());
         let header = Header { frame_id: "x".repeat(frame_id.len()).into(), ..header() };
         RosMessage::Image(image).encode(&header, &mut message).unwrap();

@@ -1,4 +1,5 @@
 //! The ROS 2 messages that are read and written, with the fields of their `.msg` files in the same order.
+//! Messages that ROS 2 and Foxglove both have begin with the name of one of them.
 
 use std::borrow::Cow;
 
@@ -51,7 +52,7 @@ pub struct Header<'a> {
 
 /// `sensor_msgs/msg/Image`
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Image<'a> {
+pub(crate) struct RosImage<'a> {
     #[serde(borrow)]
     pub(crate) header: Header<'a>,
     pub(crate) height: u32,
@@ -66,7 +67,7 @@ pub(crate) struct Image<'a> {
 
 /// `sensor_msgs/msg/CompressedImage`
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct CompressedImage<'a> {
+pub(crate) struct RosCompressedImage<'a> {
     #[serde(borrow)]
     pub(crate) header: Header<'a>,
     #[serde(borrow, deserialize_with = "text::read")]
@@ -87,7 +88,7 @@ pub(crate) struct RegionOfInterest {
 
 /// `sensor_msgs/msg/CameraInfo`
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct CameraInfo<'a> {
+pub(crate) struct RosCameraInfo<'a> {
     #[serde(borrow)]
     pub(crate) header: Header<'a>,
     pub(crate) height: u32,
@@ -103,7 +104,7 @@ pub(crate) struct CameraInfo<'a> {
     pub(crate) roi: RegionOfInterest,
 }
 
-impl CameraInfo<'_> {
+impl RosCameraInfo<'_> {
     /// The part of the sensor that the images show.
     pub(crate) fn region(&self) -> SensorRegion {
         let RegionOfInterest { x_offset, y_offset, width, height, .. } = self.roi;
@@ -114,7 +115,7 @@ impl CameraInfo<'_> {
 
 /// `foxglove_msgs/msg/RawImage`; its time and frame have the layout of a header.
 #[derive(Debug, PartialEq, Deserialize)]
-pub(crate) struct RawImage<'a> {
+pub(crate) struct FoxgloveRawImage<'a> {
     #[serde(borrow)]
     pub(crate) header: Header<'a>,
     pub(crate) width: u32,
@@ -139,7 +140,7 @@ pub(crate) struct FoxgloveCompressedImage<'a> {
 
 /// `foxglove_msgs/msg/CameraCalibration`
 #[derive(Debug, PartialEq, Deserialize)]
-pub(crate) struct CameraCalibration<'a> {
+pub(crate) struct FoxgloveCameraCalibration<'a> {
     #[serde(borrow)]
     pub(crate) header: Header<'a>,
     pub(crate) width: u32,

@@ -19,14 +19,14 @@ const POINT_FIELDS: [PointField; 6] = [
 
 /// The obstacles of a frame, in the robot's base frame.
 #[derive(Debug, Clone, Copy)]
-pub struct ObstaclesRecord<'a> {
+pub struct ObstacleMapRecord<'a> {
     /// The base's coordinate frame.
     pub frame_id: &'a str,
     /// The obstacles.
     pub map: ObstacleMap<'a>,
 }
 
-impl<'a> ObstaclesRecord<'a> {
+impl<'a> ObstacleMapRecord<'a> {
     pub(crate) fn cloud(&self, header: Header<'a>) -> PointCloud2<'a> {
         const POINT_BYTES: u32 = size_of::<ObstaclePoint>() as u32;
         let count = self.map.points.len() as u32;
@@ -89,7 +89,7 @@ mod tests {
             sector(SectorState::Drop, 1.5, 0),
             sector(SectorState::Occupied, 0.5, 1),
         ];
-        let record = ObstaclesRecord {
+        let record = ObstacleMapRecord {
             frame_id: "base_link",
             map: ObstacleMap {
                 sectors: &sectors,

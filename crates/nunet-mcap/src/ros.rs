@@ -10,18 +10,18 @@ use crate::attitude;
 use crate::cdr;
 use crate::frame_record::{CloudRecord, EncodedImage};
 use crate::messages::{
-    CAMERA_INFO, COMPRESSED_IMAGE, CompressedImage, IMAGE, IMU, Image, LASER_SCAN, POINT_CLOUD, Schema,
+    CAMERA_INFO, COMPRESSED_IMAGE, IMAGE, IMU, LASER_SCAN, POINT_CLOUD, RosCompressedImage, RosImage, Schema,
     TF_MESSAGE, TfMessage,
 };
 pub use crate::messages::{Header, Time};
 use crate::mount::CameraMount;
-use crate::obstacles::ObstaclesRecord;
+use crate::obstacles::ObstacleMapRecord;
 
 /// The content of one message, without its header.
 #[derive(Debug, Clone, Copy)]
 pub enum RosMessage<'a> {
     /// `sensor_msgs/msg/Image`, rows without padding.
-    Image(RawImage<'a>),
+    Image(ImagePixels<'a>),
     /// `sensor_msgs/msg/CompressedImage`
     CompressedImage(EncodedImage<'a>),
     /// `sensor_msgs/msg/CameraInfo`
@@ -29,18 +29,18 @@ pub enum RosMessage<'a> {
     /// `sensor_msgs/msg/PointCloud2`, organized.
     Cloud(CloudRecord<'a>),
     /// `sensor_msgs/msg/PointCloud2` with `height` and `label`.
-    ObstaclePoints(&'a ObstaclesRecord<'a>),
+    ObstaclePoints(&'a ObstacleMapRecord<'a>),
     /// `sensor_msgs/msg/LaserScan`
-    Scan(&'a ObstaclesRecord<'a>),
+    Scan(&'a ObstacleMapRecord<'a>),
     /// `sensor_msgs/msg/Imu`: roll and pitch of the frame of the header, radians.
     Attitude([f32; 2]),
     /// `tf2_msgs/msg/TFMessage`: from `base_link` to the frame of the header.
     TfStatic(CameraMount),
 }
 
-/// An uncompressed image.
+/// The pixels of an uncompressed image.
 #[derive(Debug, Clone, Copy)]
-pub struct RawImage<'a> {
+pub struct ImagePixels<'a> {
     /// Pixels.
     pub width: u32,
     /// Pixels.
@@ -73,13 +73,13 @@ impl RosMessage<'_> {
     pub fn encode(&self, header: &Header<'_>, out: &mut Vec<u8>) -> Result<(), String> {
         let header = header.clone();
         match *self {
-            Self::Image(RawImage { width, height, encoding, pixel_bytes, data }) => {
+            Self::Image(ImagePixels { width, height, encoding, pixel_bytes, data }) => {
                 let (encoding, step) = (encoding.into(), width * pixel_bytes);
                 let data = Bytes::new(data);
-                encode(&Image { header, height, width, encoding, is_bigendian: 0, step, data }, out)
+                encode(&RosImage { header, height, width, encoding, is_bigendian: 0, step, data }, out)
             }
             Self::CompressedImage(EncodedImage { format, data }) => {
-                encode(&CompressedImage { header, format: format.into(), data: Bytes::new(data) }, out)
+                encode(&RosCompressedImage { header, format: format.into(), data: Bytes::new(data) }, out)
             }
             Self::CameraInfo(camera) => encode(&camera.ros_message(header), out),
             Self::Cloud(cloud) => encode(&cloud.message(header), out),

@@ -11,9 +11,9 @@ use crate::file_end::FileEnd;
 use crate::frame_record::{DepthRecord, FrameRecord, ScaleRecord, WriterOptions};
 use crate::messages::{Header, Schema, Time};
 use crate::mount::CameraMount;
-use crate::obstacles::ObstaclesRecord;
+use crate::obstacles::ObstacleMapRecord;
 use crate::records::io;
-use crate::ros::{RawImage, RosMessage};
+use crate::ros::{ImagePixels, RosMessage};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Compression, McapError, WriteOptions, Writer};
 
@@ -138,7 +138,7 @@ impl RecordingWriter {
     /// The disk is full, or a message cannot be encoded.
     pub fn write_obstacles(
         &mut self,
-        obstacles: &ObstaclesRecord<'_>,
+        obstacles: &ObstacleMapRecord<'_>,
         log_nanos: u64,
         stamp_nanos: i64,
     ) -> Result<(), RecordingError> {
@@ -169,7 +169,7 @@ impl RecordingWriter {
     fn write_results(&mut self, frame: &FrameRecord<'_>, header: &Header<'_>) -> Result<(), RecordingError> {
         let (log, DepthRecord { width, height, bytes: depth, .. }) = (frame.log_nanos, frame.depth);
         let image = |encoding, pixel_bytes, data| {
-            RosMessage::Image(RawImage { width, height, encoding, pixel_bytes, data })
+            RosMessage::Image(ImagePixels { width, height, encoding, pixel_bytes, data })
         };
         if let Some(labels) = frame.labels {
             self.put(self.topic("labels/image_raw"), log, header, image("mono8", 1, labels))?;

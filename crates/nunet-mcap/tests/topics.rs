@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use mcap::WriteOptions;
 use mcap::records::MessageHeader;
-use nunet_mcap::ros::{Header, RawImage, RosMessage, Time};
+use nunet_mcap::ros::{Header, ImagePixels, RosMessage, Time};
 use nunet_mcap::{
     CameraDescription, EncodedImage, Next, RecordedImage, Recording, RecordingError, RecordingErrorKind,
 };
@@ -50,7 +50,7 @@ fn camera(fx_px: f64) -> CameraDescription {
 }
 
 const GRAY: RosMessage<'_> =
-    RosMessage::Image(RawImage { width: 4, height: 2, encoding: "mono8", pixel_bytes: 1, data: &[7; 8] });
+    RosMessage::Image(ImagePixels { width: 4, height: 2, encoding: "mono8", pixel_bytes: 1, data: &[7; 8] });
 
 /// A PNG of two pixels of 16 bits.
 fn png(values: [u16; 2]) -> Vec<u8> {
@@ -113,7 +113,7 @@ fn depth_in_a_png_is_not_color() {
 #[test]
 fn sixteen_bits_of_a_thermal_camera_are_brightness() {
     let folder = tempfile::tempdir().unwrap();
-    let raw = RawImage { width: 1, height: 1, encoding: "16UC1", pixel_bytes: 2, data: &[7, 1] };
+    let raw = ImagePixels { width: 1, height: 1, encoding: "16UC1", pixel_bytes: 2, data: &[7, 1] };
     let path = write(folder.path(), &[("/thermal/image_raw", RosMessage::Image(raw))]);
     assert_eq!(Recording::open(&path, None).unwrap().topic(), "/thermal/image_raw");
 }
@@ -126,7 +126,8 @@ fn refused(path: &Path, topic: Option<&str>) -> RecordingError {
 #[test]
 fn a_named_topic_of_which_no_image_can_be_used_is_refused_at_the_start() {
     let folder = tempfile::tempdir().unwrap();
-    let raw = |encoding, pixel_bytes| RawImage { width: 2, height: 1, encoding, pixel_bytes, data: &[7; 16] };
+    let raw =
+        |encoding, pixel_bytes| ImagePixels { width: 2, height: 1, encoding, pixel_bytes, data: &[7; 16] };
     let depth_png = png([0, 1500]);
     let compressed = |format| RosMessage::CompressedImage(EncodedImage { format, data: &depth_png });
     let unusable = [
@@ -151,8 +152,8 @@ fn a_named_topic_of_which_no_image_can_be_used_is_refused_at_the_start() {
 #[test]
 fn the_first_undamaged_image_stands_for_its_topic() {
     let folder = tempfile::tempdir().unwrap();
-    let raw = |encoding, data| RawImage { width: 2, height: 1, encoding, pixel_bytes: 4, data };
-    let empty = RosMessage::Image(RawImage { width: 0, height: 0, ..raw("", &[]) });
+    let raw = |encoding, data| ImagePixels { width: 2, height: 1, encoding, pixel_bytes: 4, data };
+    let empty = RosMessage::Image(ImagePixels { width: 0, height: 0, ..raw("", &[]) });
     let cut = RosMessage::Image(raw("rgba8", &[7; 3]));
     let messages = [("/c/image", empty), ("/c/image", cut)];
     for (last, is_good) in [(GRAY, true), (RosMessage::Image(raw("32FC1", &[7; 8])), false)] {

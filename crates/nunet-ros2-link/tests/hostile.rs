@@ -5,7 +5,7 @@
 #[path = "../../../fuzz/src/ros2.rs"]
 mod body;
 
-use nunet_mcap::ros::{Header, RawImage, RosMessage, Time};
+use nunet_mcap::ros::{Header, ImagePixels, RosMessage, Time};
 use nunet_ros2_link::{DatagramProbe, submessages_read};
 use nunet_testkit::hostile::{feed_damaged, keep_for_fuzzing};
 
@@ -20,7 +20,7 @@ const ONE: [u8; 8] = [0, 0, 0, 0, 1, 0, 0, 0];
 /// An image of 16x4 pixels.
 fn message() -> Vec<u8> {
     let data: Vec<u8> = (0..3 * 16 * 4).collect();
-    let image = RawImage { width: 16, height: 4, encoding: "rgb8", pixel_bytes: 3, data: &data };
+    let image = ImagePixels { width: 16, height: 4, encoding: "rgb8", pixel_bytes: 3, data: &data };
     let header = Header { stamp: Time { sec: 1, nanosec: 2 }, frame_id: "eye".into() };
     let mut message = Vec::new();
     RosMessage::Image(image).encode(&header, &mut message).expect("a small message");

@@ -1,7 +1,7 @@
 //! The messages of a frame, encoded when they are needed.
 
 use nunet_mcap::CameraDescription;
-use nunet_mcap::ros::{Header, RawImage, RosMessage, Time};
+use nunet_mcap::ros::{Header, ImagePixels, RosMessage, Time};
 use nunet_sink::image_encoder::ImageEncoder;
 use nunet_sink::record::{RecordedFrame, describe};
 use nunet_types::Units;
@@ -72,14 +72,14 @@ fn depth_image<'a>(
     step: usize,
     format: DepthFormat,
     pixels: &'a mut Vec<u8>,
-) -> RawImage<'a> {
+) -> ImagePixels<'a> {
     let depth = record.depth();
     let in_millimeters = format == DepthFormat::Millimeters && depth.scale.units == Units::Metre.name();
     let (encoding, pixel_bytes) = if in_millimeters { ("16UC1", 2) } else { ("32FC1", DEPTH_BYTES as u32) };
     let halves = |size: u32| size.div_ceil(step as u32);
     let (width, height) = (halves(depth.width), halves(depth.height));
     if step == 1 && !in_millimeters {
-        return RawImage { width, height, encoding, pixel_bytes, data: depth.bytes };
+        return ImagePixels { width, height, encoding, pixel_bytes, data: depth.bytes };
     }
     pixels.clear();
     for row in depth.bytes.chunks_exact(depth.width.max(1) as usize * DEPTH_BYTES).step_by(step) {
@@ -90,7 +90,7 @@ fn depth_image<'a>(
             pixels.extend(values.flatten());
         }
     }
-    RawImage { width, height, encoding, pixel_bytes, data: pixels }
+    ImagePixels { width, height, encoding, pixel_bytes, data: pixels }
 }
 
 /// 0 = no measurement, as in REP 118.
@@ -99,9 +99,9 @@ fn millimeters(meters: f32) -> u16 {
     if (1.0..=f32::from(u16::MAX)).contains(&millimeters) { millimeters as u16 } else { 0 }
 }
 
-fn byte_image<'a>(record: &RecordedFrame, data: &'a [u8]) -> RawImage<'a> {
+fn byte_image<'a>(record: &RecordedFrame, data: &'a [u8]) -> ImagePixels<'a> {
     let depth = record.depth();
-    RawImage { width: depth.width, height: depth.height, encoding: "mono8", pixel_bytes: 1, data }
+    ImagePixels { width: depth.width, height: depth.height, encoding: "mono8", pixel_bytes: 1, data }
 }
 
 /// The camera of every second pixel: its pixel (u, v) is pixel (2u, 2v).

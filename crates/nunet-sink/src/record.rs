@@ -4,7 +4,7 @@
 use nunet_core::camera::Camera;
 use nunet_core::obstacle::Obstacles;
 use nunet_ipc::Units;
-use nunet_mcap::{CameraDescription, CloudRecord, DepthRecord, ObstaclesRecord, ScaleRecord};
+use nunet_mcap::{CameraDescription, CloudRecord, DepthRecord, ObstacleMapRecord, ScaleRecord};
 use nunet_source::{Frame, Pixels};
 use nunet_types::{ImageSize, MAX_OBSTACLE_POINTS};
 
@@ -145,9 +145,9 @@ impl RecordedFrame {
 
     /// Obstacles; `None` if the frame has none.
     #[must_use]
-    pub fn obstacles(&self) -> Option<ObstaclesRecord<'_>> {
+    pub fn obstacles(&self) -> Option<ObstacleMapRecord<'_>> {
         let found = self.obstacles.as_ref().filter(|_| self.has_obstacles)?;
-        Some(ObstaclesRecord { frame_id: self.obstacle_frame, map: found.map() })
+        Some(ObstacleMapRecord { frame_id: self.obstacle_frame, map: found.map() })
     }
 
     /// Roll and pitch of the robot's base that turned the mount, radians; `None` if it counts as level.

@@ -1,7 +1,7 @@
 //! Images of ROS 2 and Foxglove, recorded or live, as frames.
 
 use image::metadata::Orientation;
-use nunet_core::camera::{Calibration, Camera, Distortion, RosCameraInfo};
+use nunet_core::camera::{Calibration, Camera, Distortion, RosCalibration};
 use nunet_core::frame::PixelFormat;
 use nunet_mcap::{BayerPattern, CameraDescription, ImageEncoding, RecordedImage};
 use nunet_types::{ImageSize, MAX_FRAME_ID, SensorRegion};
@@ -189,7 +189,7 @@ fn camera(
         if is_pinhole { ("", &[]) } else { (&described.distortion_model, &described.coefficients) };
     let k = [fx, described.skew, cx, 0.0, fy, cy, 0.0, 0.0, 1.0];
     let (width, height, region) = (described.width, described.height, SensorRegion::default());
-    let info = RosCameraInfo { width, height, k: &k, distortion_model, d, region };
+    let info = RosCalibration { width, height, k: &k, distortion_model, d, region };
     let calibration = Calibration::from_ros(&info).map_err(|error| error.to_string())?;
     notes.extend(calibration.ignored_skew().map(|skew| skew.to_string()));
     notes.extend(calibration.assumed_model().map(|model| {

@@ -26,7 +26,7 @@ mod tests;
 
 pub use brown_conrady::BrownConrady;
 pub use calibration::{
-    CalibratedScale, Calibration, CalibrationError, IgnoredSkew, RosCameraInfo, ScaleNote,
+    CalibratedScale, Calibration, CalibrationError, IgnoredSkew, RosCalibration, ScaleNote,
 };
 pub use coefficients::MAX_COEFFICIENTS;
 pub use error::CameraError;

@@ -5,7 +5,7 @@ use serde::Deserialize;
 
 use super::document::first_document;
 use super::yaml::parse_yaml;
-use super::{Calibration, CalibrationError, RosCameraInfo, kalibr, opencv, scale};
+use super::{Calibration, CalibrationError, RosCalibration, kalibr, opencv, scale};
 
 /// Parses any of the formats.
 pub(super) fn parse(text: &str) -> Result<Calibration, CalibrationError> {
@@ -77,7 +77,7 @@ impl CameraInfoFile {
         let of_opencv = opencv::lens_model(text, is_fisheye, d.as_ref().map_or(0, Vec::len));
         let model = present("distortion_model", self.distortion_model.or(of_opencv.map(str::to_owned)))?;
         let d = d?;
-        Calibration::from_ros(&RosCameraInfo {
+        Calibration::from_ros(&RosCalibration {
             width,
             height,
             k: &k,

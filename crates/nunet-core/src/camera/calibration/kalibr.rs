@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use nunet_types::SensorRegion;
 use serde::Deserialize;
 
-use super::{Calibration, CalibrationError, RosCameraInfo};
+use super::{Calibration, CalibrationError, RosCalibration};
 
 /// The most cameras that an error names.
 const SHOWN: usize = 4;
@@ -58,7 +58,7 @@ pub(super) fn calibration(
     };
     let k = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0];
     let region = SensorRegion::default();
-    Calibration::from_ros(&RosCameraInfo { width, height, k: &k, distortion_model: lens, d, region })
+    Calibration::from_ros(&RosCalibration { width, height, k: &k, distortion_model: lens, d, region })
 }
 
 #[cfg(test)]

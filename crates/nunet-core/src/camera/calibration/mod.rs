@@ -60,7 +60,7 @@ pub struct Calibration {
 
 /// The fields of a `sensor_msgs/CameraInfo` that describe the image as the sensor delivers it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RosCameraInfo<'a> {
+pub struct RosCalibration<'a> {
     /// Image width, pixels.
     pub width: u32,
     /// Image height, pixels.
@@ -125,7 +125,7 @@ impl Calibration {
     /// # Errors
     /// A camera matrix that is not one, a larger skew, and what [`Intrinsics::new`] and
     /// [`Distortion::from_ros`] refuse.
-    pub fn from_ros(info: &RosCameraInfo<'_>) -> Result<Self, CalibrationError> {
+    pub fn from_ros(info: &RosCalibration<'_>) -> Result<Self, CalibrationError> {
         check_finite("camera_matrix", info.k)?;
         check_finite("distortion_coefficients", info.d)?;
         let &[fx, skew, cx, below_fx, fy, cy, far_x, far_y, one] = info.k else {

@@ -92,15 +92,15 @@ fn a_message_is_read_by_the_same_rule_as_a_file() {
     let d = [0.0175, -0.0031, 0.0003, -0.0007, 0.0];
     let region = SensorRegion::default();
     let info =
-        RosCameraInfo { width: 640, height: 480, k: &k, distortion_model: "equidistant", d: &d, region };
+        RosCalibration { width: 640, height: 480, k: &k, distortion_model: "equidistant", d: &d, region };
     assert_eq!(Calibration::from_ros(&info), Calibration::parse(&fisheye_with_skew()));
 
     let k = [403.5, -9.6, 321.5, 0.0, 404.2, 239.2, 0.0, 0.0, 1.0];
     let skew = CalibrationError::Skew { skew_px: -9.6, fx_px: 403.5 };
-    assert_eq!(Calibration::from_ros(&RosCameraInfo { k: &k, ..info }), Err(skew.clone()));
+    assert_eq!(Calibration::from_ros(&RosCalibration { k: &k, ..info }), Err(skew.clone()));
     assert_eq!(refusal(&fisheye_with_skew().replace("-0.96", "-9.6")), skew);
     let four = CalibrationError::CameraMatrixSize { got: 4 };
-    assert_eq!(Calibration::from_ros(&RosCameraInfo { k: &k[..4], ..info }), Err(four));
+    assert_eq!(Calibration::from_ros(&RosCalibration { k: &k[..4], ..info }), Err(four));
 }
 
 #[test]
