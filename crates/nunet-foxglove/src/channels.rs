@@ -1,17 +1,18 @@
-//! Foxglove as a network of `nunet-ros2`: a channel for each topic.
+//! Foxglove as a transport of `nunet-ros2`: a channel for each topic.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use foxglove::{ChannelBuilder, Context, RawChannel, Schema};
 use nunet_mcap::ros::definition;
+use nunet_ros2::OutputName;
 use nunet_ros2_link::{Delivery, Endpoint, Link, MessagePublisher, MessageSubscriber, Ros2Error};
 use tokio::runtime::Handle;
 
 use crate::kept::KeptMessages;
 
-/// What messages call the network.
-pub(crate) const NETWORK: &str = "Foxglove";
+/// The output.
+pub(crate) const OUTPUT: OutputName = OutputName { text: "Foxglove", id: "foxglove" };
 
 /// The channels of all cameras.
 pub(crate) struct Channels {
@@ -61,7 +62,7 @@ impl Link for Channels {
         _node: &str,
         _endpoint: &Endpoint<'_>,
     ) -> Result<Box<dyn MessageSubscriber>, Ros2Error> {
-        Err(Ros2Error::Transport { name: NETWORK })
+        Err(Ros2Error::Transport { name: OUTPUT.text })
     }
 
     fn published_types(&self, _topic: &str) -> Result<Vec<String>, Ros2Error> {

@@ -10,7 +10,7 @@
 //! | `parameters` | what clients can read beside messages: rate, scale |
 //!
 //! Frames are copied and encoded by `nunet-ros2`, on a thread of its own and only for topics that a client
-//! has subscribed to. Foxglove is a network of that crate, like DDS and Zenoh.
+//! has subscribed to. Foxglove is a transport of that crate, like DDS and Zenoh.
 
 #[cfg(not(feature = "server"))]
 mod absent;

@@ -13,7 +13,7 @@ use tokio::sync::oneshot;
 use tokio::time::MissedTickBehavior;
 
 use crate::FoxgloveConfig;
-use crate::channels::{Channels, NETWORK};
+use crate::channels::{Channels, OUTPUT};
 use crate::error::FoxgloveServerError;
 use crate::kept::KeptMessages;
 use crate::library::{Library, LibrarySetup};
@@ -66,9 +66,9 @@ impl FoxgloveServer {
         let channels = Channels::new(context, kept, runtime.handle().clone());
         let (stop, stopped) = oneshot::channel();
         let serve = move || runtime.block_on(serve(listener, library, stopped));
-        let thread = std::thread::Builder::new().name("foxglove".to_owned()).spawn(serve);
+        let thread = std::thread::Builder::new().name("foxglove server".to_owned()).spawn(serve);
         let thread = Some(thread.map_err(FoxgloveServerError::Thread)?);
-        let node = Ros2Node::over(Arc::new(channels), NETWORK, Topics::Recorded);
+        let node = Ros2Node::over(Arc::new(channels), OUTPUT, Topics::Recorded);
         Ok(Self { address, node, parameters, stop: Some(stop), thread })
     }
 

@@ -35,7 +35,7 @@ impl Sink for FoxgloveSink {
     }
 
     fn messages(&self) -> Option<(&'static str, MessageCounts)> {
-        self.messages.messages().map(|(_, counts)| ("foxglove", counts))
+        self.messages.messages()
     }
 
     fn finish(self: Box<Self>, last: Option<&Results<'_>>) -> FinishingSink {

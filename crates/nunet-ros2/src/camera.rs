@@ -25,7 +25,9 @@ use self::other_publishers::OtherPublishers;
 use crate::frame_messages::FrameEncoder;
 use crate::messages::{LabelInfo, header_now};
 use crate::options::{CameraOptions, DepthFormat};
-use crate::publishers::{Connections, TopicPublishers, WITH_DEPTH, WITH_OBSTACLES, WITHOUT_FRAME, bit};
+use crate::publishers::{
+    Connections, OutputName, TopicPublishers, WITH_DEPTH, WITH_OBSTACLES, WITHOUT_FRAME, bit,
+};
 use crate::topic::Topic;
 
 /// How often the subscribers are counted: the first frame that a new one gets is so much later at most.
@@ -51,8 +53,7 @@ struct Shared {
     /// The topics that something subscribes to.
     wanted: AtomicU32,
     counts: MessageCounts,
-    /// What log lines call it.
-    network: &'static str,
+    output: OutputName,
     state: Mutex<CameraState>,
 }
 
@@ -129,7 +130,7 @@ impl Sink for Ros2Sink {
     }
 
     fn messages(&self) -> Option<(&'static str, MessageCounts)> {
-        Some(("ros2", self.shared.counts.clone()))
+        Some((self.shared.output.id, self.shared.counts.clone()))
     }
 
     /// The waiting frame is still sent.
@@ -137,8 +138,8 @@ impl Sink for Ros2Sink {
         self.shared.mailbox.close();
         let Self { shared, thread } = *self;
         FinishingSink::new(move |timeout| {
-            let network = shared.network;
-            let waited = timeout.wait(network, || thread.is_finished(), || shared.counts.sent());
+            let output = shared.output.text;
+            let waited = timeout.wait(output, || thread.is_finished(), || shared.counts.sent());
             let failure = match waited {
                 Ok(()) => thread.join().err().map(|_| "the thread panicked".to_owned()),
                 Err(why) => Some(why.to_string()),
@@ -146,9 +147,9 @@ impl Sink for Ros2Sink {
             let (sent, not_taken) = (shared.counts.sent(), shared.counts.not_taken());
             let superseded = shared.counts.superseded();
             let (sent, superseded) = (counted(sent, "message"), counted(superseded, "frame"));
-            info!("{network}: {sent} sent, {not_taken} not taken, {superseded} superseded");
+            info!("{output}: {sent} sent, {not_taken} not taken, {superseded} superseded");
             if let Some(why) = failure {
-                warn!("the last messages for {network} were not sent: {why}");
+                warn!("the last messages for {output} were not sent: {why}");
                 return Ok(Outcome::Lost);
             }
             Ok(Outcome::Done)
@@ -156,7 +157,7 @@ impl Sink for Ros2Sink {
     }
 }
 
-/// The network's side.
+/// The side that encodes and sends.
 pub(crate) struct CameraThread {
     shared: Arc<Shared>,
     outputs: TopicPublishers,
@@ -184,7 +185,7 @@ impl CameraThread {
     ) -> Result<Ros2Sink, Ros2Error> {
         let side = Self::new(camera, depth, outputs, connections);
         let shared = Arc::clone(&side.shared);
-        let thread = std::thread::Builder::new().name("ros2".to_owned()).spawn(|| side.run());
+        let thread = std::thread::Builder::new().name(shared.output.id.to_owned()).spawn(|| side.run());
         Ok(Ros2Sink { shared, thread: thread.map_err(Ros2Error::Thread)? })
     }
 
@@ -192,13 +193,13 @@ impl CameraThread {
         camera: &CameraOptions<'_>,
         depth: DepthFormat,
         outputs: TopicPublishers,
-        Connections { network, links, unannounced }: Connections,
+        Connections { output, links, unannounced }: Connections,
     ) -> Self {
         let shared = Arc::new(Shared {
             mailbox: Mailbox::default(),
             wanted: AtomicU32::new(0),
             counts: camera.counts.clone(),
-            network,
+            output,
             state: Mutex::default(),
         });
         let own_topics = outputs.iter().map(|(topic, _)| *topic).filter(|topic| topic.is_of_one_camera());
@@ -277,7 +278,7 @@ impl CameraThread {
         }
     }
 
-    /// Sends a message that the network keeps. It is not counted, because how many subscribers get it is
+    /// Sends a message that the transport keeps. It is not counted, because how many subscribers get it is
     /// decided later.
     fn keep(&self, topic: Topic, message: Result<Vec<u8>, String>) {
         match message {

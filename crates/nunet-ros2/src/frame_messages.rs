@@ -23,7 +23,7 @@ pub(crate) struct FrameEncoder {
 
 impl FrameEncoder {
     pub(crate) fn new(frame_id: &str, depth: DepthFormat) -> Self {
-        let images = ImageEncoder::for_network();
+        let images = ImageEncoder::for_live_topics();
         Self { frame_id: frame_id.to_owned(), depth, images, pixels: Vec::new(), message: Vec::new() }
     }
 

@@ -21,4 +21,5 @@ pub mod topic;
 pub use node::Ros2Node;
 pub use nunet_ros2_link::{LinkName, Ros2Error, Ros2ErrorKind};
 pub use options::{CameraOptions, DepthFormat, Ros2Options, Topics};
+pub use publishers::OutputName;
 pub use topic::Topic;

@@ -9,18 +9,15 @@ use tracing::{info, warn};
 
 use crate::camera::CameraThread;
 use crate::options::{Available, CameraOptions, Ros2Options, Topics, check_camera_name};
-use crate::publishers::{Connections, TopicPublishers};
+use crate::publishers::{Connections, OutputName, TopicPublishers};
 use crate::topic::Topic;
 
 /// Connections to ROS 2. They end with it.
 pub struct Ros2Node {
     links: Vec<Arc<dyn Link>>,
     options: Ros2Options,
-    /// What log lines call the network.
-    network: &'static str,
+    output: OutputName,
 }
-
-const ROS_2: &str = "ROS 2";
 
 impl Ros2Node {
     /// Connects by all transports of `options`.
@@ -30,13 +27,13 @@ impl Ros2Node {
     pub fn open(options: &Ros2Options) -> Result<Self, Ros2Error> {
         let links = options.links.iter().map(|name| connect(name, &name.environment()?));
         let links = distinct(links.collect::<Result<_, _>>()?);
-        Ok(Self { links, options: options.clone(), network: ROS_2 })
+        Ok(Self { links, options: options.clone(), output: OutputName::ROS_2 })
     }
 
-    /// Sends the messages of cameras over another network, which log lines call `network`.
+    /// Sends the messages of cameras over another transport, as the output `output`.
     #[must_use]
-    pub fn over(link: Arc<dyn Link>, network: &'static str, topics: Topics) -> Self {
-        Self { links: vec![link], options: Ros2Options { topics, ..Ros2Options::default() }, network }
+    pub fn over(link: Arc<dyn Link>, output: OutputName, topics: Topics) -> Self {
+        Self { links: vec![link], options: Ros2Options { topics, ..Ros2Options::default() }, output }
     }
 
     /// Publishes the topics of a camera.
@@ -44,7 +41,7 @@ impl Ros2Node {
     /// # Errors
     /// The camera does not have a topic that was asked for, or its name cannot be part of a topic.
     pub fn add_camera(&self, camera: &CameraOptions<'_>) -> Result<Box<dyn Sink>, Ros2Error> {
-        if self.network == ROS_2 {
+        if self.output == OutputName::ROS_2 {
             check_camera_name(camera.name)?;
         }
         let topics = self.topics(camera)?;
@@ -56,9 +53,9 @@ impl Ros2Node {
             let publishers = self.links.iter().map(|link| link.publisher(&node, &endpoint, topic.delivery()));
             outputs.add(topic, publishers.collect::<Result<_, _>>()?);
         }
-        info!("{} topics: {}", self.network, listed(&topics, camera.name));
+        info!("{} topics: {}", self.output.text, listed(&topics, camera.name));
         let unannounced = self.announce(camera.name);
-        let connections = Connections { network: self.network, links: self.links.clone(), unannounced };
+        let connections = Connections { output: self.output, links: self.links.clone(), unannounced };
         Ok(Box::new(CameraThread::start(camera, self.options.depth, outputs, connections)?))
     }
 

@@ -46,11 +46,24 @@ pub(crate) const WITH_DEPTH: u32 = bit(Topic::Depth) | bit(Topic::HalfDepth);
 /// Topics that are made of obstacles.
 pub(crate) const WITH_OBSTACLES: u32 = bit(Topic::ObstaclePoints) | bit(Topic::Scan);
 
+/// The names of an output that sends the messages of topics.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct OutputName {
+    /// In log lines.
+    pub text: &'static str,
+    /// Of its counts in metrics and `stats.json`, and of its threads.
+    pub id: &'static str,
+}
+
+impl OutputName {
+    /// ROS 2, over DDS and Zenoh.
+    pub const ROS_2: Self = Self { text: "ROS 2", id: "ros2" };
+}
+
 /// The connections of a camera.
 #[derive(Default)]
 pub(crate) struct Connections {
-    /// What log lines call them.
-    pub(crate) network: &'static str,
+    pub(crate) output: OutputName,
     pub(crate) links: Vec<Arc<dyn Link>>,
     /// Those that have not announced the camera's node yet.
     pub(crate) unannounced: Vec<Arc<dyn Link>>,

@@ -34,7 +34,7 @@ impl ImageEncoder {
 
     /// For images that are sent and not replayed: JPEG is not mentioned in the log.
     #[must_use]
-    pub fn for_network() -> Self {
+    pub fn for_live_topics() -> Self {
         Self { has_noted_jpeg: true, ..Self::default() }
     }
 

@@ -22,7 +22,7 @@ use nunet_core::obstacle::{Ground, ObstacleSector, Obstacles};
 #[cfg(feature = "foxglove")]
 use nunet_foxglove::FoxgloveConfig;
 use nunet_mavlink::MavlinkAddress;
-use nunet_ros2::{CameraOptions, Ros2Options, Topic, Topics};
+use nunet_ros2::{CameraOptions, OutputName, Ros2Options, Topic, Topics};
 use nunet_sink::archive::Archive;
 use nunet_sink::last_frame::last_frame_into;
 use nunet_sink::mavlink::mavlink_sink;
@@ -298,7 +298,7 @@ fn ros2(_folder: &Path, backend: Backend) -> Rig {
     }
     let (release, released) = channel();
     let labels = Topics::These([Topic::Labels].into());
-    let node = Ros2Node::over(Arc::new(FakeNetwork::new(backend, released)), "ROS 2", labels);
+    let node = Ros2Node::over(Arc::new(FakeNetwork::new(backend, released)), OutputName::ROS_2, labels);
     let (sink, counts) = with_counts(|camera| node.add_camera(camera).unwrap());
     await_subscriber(sink.as_ref());
     Rig {

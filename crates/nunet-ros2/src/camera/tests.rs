@@ -217,6 +217,20 @@ fn diagnostics_state_the_problems_of_connections() {
     assert_eq!(status(), (DiagnosticStatus::WARN, "no router".to_owned()));
 }
 
+#[test]
+fn the_counts_and_the_thread_have_the_name_of_the_output() {
+    for id in ["ros2", "other"] {
+        let connections = Connections { output: OutputName { text: "Text", id }, ..Connections::default() };
+        let counts = MessageCounts::default();
+        let started =
+            CameraThread::start(&options(&counts), DepthFormat::Meters, outputs(&[]), connections).unwrap();
+        assert_eq!(started.messages().unwrap().0, id);
+        assert_eq!(started.thread.thread().name(), Some(id));
+        let finishing = Box::new(started).finish(None);
+        assert_eq!(finishing.wait(&mut DrainTimeout::new(&|| false)).unwrap(), Outcome::Done);
+    }
+}
+
 /// Feeds frames until the counts satisfy `is_enough`, and ends the sink.
 fn feed(behavior: Behavior, is_enough: impl Fn(&MessageCounts, usize) -> bool) -> Outcome {
     let (fake, counts) = (fake(behavior), MessageCounts::default());
@@ -304,7 +318,11 @@ impl Link for LateLink {
 #[test]
 fn a_node_that_could_not_be_announced_is_announced_later() {
     let (link, counts) = (Arc::new(LateLink::default()), MessageCounts::default());
-    let node = crate::Ros2Node::over(Arc::clone(&link) as Arc<dyn Link>, "test", Topics::Default);
+    let node = crate::Ros2Node::over(
+        Arc::clone(&link) as Arc<dyn Link>,
+        OutputName { text: "Test", id: "test" },
+        Topics::Default,
+    );
     let sink = node.add_camera(&options(&counts)).unwrap();
     let start = Instant::now();
     while link.announcements.load(Ordering::Relaxed) < 2 || counts.problems() != ["no router"] {
