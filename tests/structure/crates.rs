@@ -120,7 +120,7 @@ fn beyond(row: &Row, manifest: &str, locked: &BTreeSet<&str>) -> Vec<String> {
 }
 
 /// All crates that a crate reaches, without its tests.
-fn reached(rows: &[Row], name: &str) -> BTreeSet<&'static str> {
+fn reached<'a>(rows: &[Row], name: &'a str) -> BTreeSet<&'a str> {
     let mut found = BTreeSet::new();
     let mut waiting = vec![short(name)];
     while let Some(name) = waiting.pop() {
