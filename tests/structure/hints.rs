@@ -72,8 +72,8 @@ fn the_hint_of_an_error_inside_is_passed_on() {
 fn unlisted_types(path: &str, text: &str, lists: &str) -> Vec<String> {
     let text = without_tests(text);
     let types = text.split("\nimpl Hint for ").skip(1).filter_map(|rest| rest.split(' ').next());
-    let is_listed =
-        |name: &str| lists.contains(&format!("of::<{name}>")) || lists.contains(&format!("::{name}>"));
+    let entries = |name: &str| ["of::<", "as_hint::<", "::"].map(|start| format!("{start}{name}>"));
+    let is_listed = |name: &str| entries(name).iter().any(|entry| lists.contains(entry));
     let is_copied = |name: &str| COPIED.iter().any(|(copied, _)| *copied == name);
     let unlisted = types.filter(|name| !is_listed(name) && !is_copied(name));
     unlisted.map(|name| format!("{path}: no list of hints has `{name}`; add it to `HINTS`")).collect()
@@ -88,8 +88,8 @@ fn every_error_with_hints_is_listed_where_hints_are_printed() {
         repository::texts(|path| path.starts_with("crates/") && path.ends_with(".rs") && !is_test_file(path));
     let unlisted = |(path, text): &(String, String)| unlisted_types(path, text, &lists);
     assert_none(&sources.iter().flat_map(unlisted).collect::<Vec<_>>());
-    let (error, list) = ("\nimpl Hint for E {", "hint_of::<E>, hint_of::<a::F>");
-    assert_eq!(unlisted_types("a.rs", error, "hint_of::<EE>").len(), 1);
+    let (error, list) = ("\nimpl Hint for E {", "as_hint::<E>, as_hint::<a::F>");
+    assert_eq!(unlisted_types("a.rs", error, "as_hint::<EE>").len(), 1);
     assert_none(&unlisted_types("a.rs", &(error.to_owned() + "\nimpl Hint for F {"), list));
 }
 
@@ -99,7 +99,7 @@ const BEHIND_PYTHON: [&str; 4] = ["nunet-engine", "nunet-files", "nunet-ipc", "n
 #[test]
 fn every_error_with_hints_behind_the_python_package_is_listed_there() {
     let list = repository::texts(|path| path == "crates/nunet-py/src/error.rs").remove(0).1;
-    assert!(list.contains("nunet_core::hint_of,"), "the list of nunet-core");
+    assert!(list.contains("nunet_core::as_hint,"), "the list of nunet-core");
     let is_behind =
         |path: &str| BEHIND_PYTHON.iter().any(|name| path.starts_with(&format!("crates/{name}/")));
     let sources = repository::texts(|path| is_behind(path) && path.ends_with(".rs") && !is_test_file(path));

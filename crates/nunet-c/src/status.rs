@@ -122,7 +122,7 @@ impl From<IpcError> for Failure {
     fn from(error: IpcError) -> Self {
         use IpcErrorKind as Kind;
         let status = match error.kind() {
-            Kind::InvalidArgument => StatusCode::BadArgument,
+            Kind::Argument => StatusCode::BadArgument,
             Kind::SharedMemory => StatusCode::SharedMemory,
             Kind::AlreadyPublished => StatusCode::AlreadyPublished,
             Kind::ContractVersion => StatusCode::WrongContractVersion,

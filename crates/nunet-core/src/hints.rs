@@ -27,6 +27,12 @@ use crate::scale::ScaleError;
 /// ```
 #[must_use]
 pub fn hint_of(error: &(dyn Error + 'static)) -> Option<Cow<'static, str>> {
+    as_hint(error)?.hint()
+}
+
+/// `error` as a [`Hint`] if it is of this crate. Does not follow `source`.
+#[must_use]
+pub fn as_hint<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a dyn Hint> {
     fn of<'a, E: Hint + Error + 'static>(error: &'a (dyn Error + 'static)) -> Option<&'a dyn Hint> {
         // `thiserror` puts a boxed source into the chain as a box.
         let boxed = || error.downcast_ref::<Box<E>>().map(|error| &**error);
@@ -51,5 +57,5 @@ pub fn hint_of(error: &(dyn Error + 'static)) -> Option<Cow<'static, str>> {
         of::<ScaleError>,
         of::<PipelineError>,
     ];
-    known.iter().find_map(|of| of(error))?.hint()
+    known.iter().find_map(|of| of(error))
 }

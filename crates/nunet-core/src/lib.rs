@@ -63,4 +63,4 @@ pub mod stability;
 pub mod text;
 
 pub use error_kind::ErrorKind;
-pub use hints::hint_of;
+pub use hints::{as_hint, hint_of};

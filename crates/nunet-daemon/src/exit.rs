@@ -5,19 +5,19 @@ use std::error::Error as StdError;
 use std::io::Write as _;
 use std::net::SocketAddr;
 
-use nunet_engine::{EngineError, EngineErrorKind, details_of};
-use nunet_eval::{CalibrateError, EvalError, EvalErrorKind};
+use nunet_engine::{EngineError, details_of};
+use nunet_eval::{CalibrateError, EvalError};
 use nunet_files::FilesError;
-use nunet_foxglove::{FoxgloveServerError, FoxgloveServerErrorKind};
+use nunet_foxglove::FoxgloveServerError;
 use nunet_ipc::{CameraName, CameraNameError, IpcError};
-use nunet_ros2::{Ros2Error, Ros2ErrorKind};
+use nunet_ros2::Ros2Error;
 use nunet_sink::error_kind::SinkErrorKind;
 use nunet_sink::file_plan::FilePlanError;
 use nunet_sink::file_writer::FilesLate;
 pub use nunet_sink::sink::Outcome;
 use nunet_sink::stdout::StdoutError;
-use nunet_source::{CameraNews, SourceError, SourceErrorKind};
-use nunet_types::{ErrorReport, Hint, HintOf, flag_hint, hint_of, printable, split_hint};
+use nunet_source::{CameraNews, SourceError};
+use nunet_types::{AsHint, ErrorReport, Hint, as_hint, flag_hint, printable, split_hint};
 use nunet_view::ViewError;
 use tracing::warn;
 
@@ -66,6 +66,10 @@ impl Hint for BadArguments {
     fn hint(&self) -> Option<Cow<'static, str>> {
         self.hint.clone()
     }
+
+    fn is_usage(&self) -> bool {
+        true
+    }
 }
 
 /// An error of nunetd itself, or the context of a library's error, that may carry a hint.
@@ -109,30 +113,31 @@ impl Hint for WithHint {
     fn hint(&self) -> Option<Cow<'static, str>> {
         self.hint.clone()
     }
+
+    fn is_usage(&self) -> bool {
+        self.is_usage
+    }
 }
 
-/// One link of a chain of causes.
-type DynError = dyn StdError + 'static;
-
-/// The error types that can give hints. A library's new error type that implements [`Hint`] needs its line
-/// here.
-const HINTS: &[HintOf] = &[
-    hint_of::<BadArguments>,
-    hint_of::<WithHint>,
-    nunet_core::hint_of,
-    hint_of::<EngineError>,
-    hint_of::<EvalError>,
-    hint_of::<CalibrateError>,
-    hint_of::<FilesError>,
-    hint_of::<FilesLate>,
-    hint_of::<FilePlanError>,
-    hint_of::<IpcError>,
-    hint_of::<CameraNameError>,
-    hint_of::<SourceError>,
-    hint_of::<Ros2Error>,
-    hint_of::<FoxgloveServerError>,
-    hint_of::<ViewError>,
-    hint_of::<nunet_mcap::RecordingError>,
+/// The error types that can give hints or be about the user's arguments. A library's new error type that
+/// implements [`Hint`] needs its line here.
+const HINTS: &[AsHint] = &[
+    as_hint::<BadArguments>,
+    as_hint::<WithHint>,
+    nunet_core::as_hint,
+    as_hint::<EngineError>,
+    as_hint::<EvalError>,
+    as_hint::<CalibrateError>,
+    as_hint::<FilesError>,
+    as_hint::<FilesLate>,
+    as_hint::<FilePlanError>,
+    as_hint::<IpcError>,
+    as_hint::<CameraNameError>,
+    as_hint::<SourceError>,
+    as_hint::<Ros2Error>,
+    as_hint::<FoxgloveServerError>,
+    as_hint::<ViewError>,
+    as_hint::<nunet_mcap::RecordingError>,
 ];
 
 /// A camera's name as the user wrote it.
@@ -200,31 +205,15 @@ pub(crate) fn from_result(result: anyhow::Result<Outcome>, is_json: bool) -> u8 
 
 /// Whether the user's arguments are at fault.
 pub(crate) fn is_usage(error: &anyhow::Error) -> bool {
-    error.is::<BadArguments>()
-        || error.chain().any(|cause| {
-            is_one(cause, |error: &WithHint| error.is_usage)
-                || is_one(cause, |error: &EngineError| {
-                    matches!(error.kind(), EngineErrorKind::NotFound | EngineErrorKind::Argument)
-                })
-                || is_one(cause, |error: &EvalError| error.kind() == EvalErrorKind::Argument)
-                || is_one(cause, |error: &CalibrateError| error.kind() == EvalErrorKind::Argument)
-                || is_one(cause, |error: &SourceError| error.kind() == SourceErrorKind::BadArguments)
-                || is_one(cause, |error: &FilePlanError| error.kind() == SinkErrorKind::Argument)
-                || is_one(cause, |error: &Ros2Error| error.kind() == Ros2ErrorKind::Arguments)
-                || is_one(cause, |error: &FoxgloveServerError| {
-                    error.kind() == FoxgloveServerErrorKind::Arguments
-                })
-        })
-}
-
-fn is_one<E: StdError + 'static>(cause: &DynError, is_usage: fn(&E) -> bool) -> bool {
-    cause.downcast_ref().is_some_and(is_usage)
+    // As a context, it is no link of the chain.
+    error.is::<BadArguments>() || nunet_types::is_usage(error.as_ref(), HINTS)
 }
 
 /// `nunetd watch front --json | head -1` is a success. A pipe that is an output file is not: its reader has
 /// lost results.
 fn is_closed_pipe(error: &anyhow::Error) -> bool {
-    error.chain().any(|cause| is_one(cause, |error: &StdoutError| error.kind() == SinkErrorKind::ClosedPipe))
+    let mut stdout = error.chain().filter_map(|cause| cause.downcast_ref::<StdoutError>());
+    stdout.any(|error| error.kind() == SinkErrorKind::ClosedPipe)
 }
 
 /// Prints a failure. If stderr is closed, the message is lost.

@@ -227,6 +227,10 @@ impl Hint for EngineError {
             | Self::System { .. } => return None,
         })
     }
+
+    fn is_usage(&self) -> bool {
+        matches!(self.kind(), EngineErrorKind::NotFound | EngineErrorKind::Argument)
+    }
 }
 
 /// The hint for a model that was not found.

@@ -248,7 +248,7 @@ impl EvalError {
             | Self::Mounts { .. }
             | Self::Obstacles(_)
             | Self::NotAMeanImage { .. } => EvalErrorKind::Argument,
-            Self::Source(error) if error.kind() == SourceErrorKind::BadArguments => EvalErrorKind::Argument,
+            Self::Source(error) if error.kind() == SourceErrorKind::Argument => EvalErrorKind::Argument,
             Self::NoPairs { .. } | Self::NoTruth | Self::TruthOutOfRange { .. } => EvalErrorKind::Truth,
             Self::NothingMeasured { source } => source.kind(),
             Self::Pipeline(_) => EvalErrorKind::Model,
@@ -337,6 +337,10 @@ impl Hint for EvalError {
             | Self::NothingMeasured { .. }
             | Self::System { .. } => return None,
         })
+    }
+
+    fn is_usage(&self) -> bool {
+        self.kind() == EvalErrorKind::Argument
     }
 }
 

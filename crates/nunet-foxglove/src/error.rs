@@ -54,7 +54,7 @@ pub enum FoxgloveServerErrorKind {
     /// The address cannot be used.
     Address,
     /// A value that the user chose.
-    Arguments,
+    Argument,
     /// The system has no resources left, or a library failed.
     System,
 }
@@ -65,7 +65,7 @@ impl FoxgloveServerError {
     pub fn kind(&self) -> FoxgloveServerErrorKind {
         match self {
             Self::Listen { .. } => FoxgloveServerErrorKind::Address,
-            Self::Exposed { .. } | Self::NotBuilt => FoxgloveServerErrorKind::Arguments,
+            Self::Exposed { .. } | Self::NotBuilt => FoxgloveServerErrorKind::Argument,
             Self::Library { .. } | Self::Thread(_) | Self::Camera { .. } => FoxgloveServerErrorKind::System,
         }
     }
@@ -79,5 +79,9 @@ impl Hint for FoxgloveServerError {
             Self::NotBuilt => Some("build nunetd with the Cargo feature `foxglove`".into()),
             _ => None,
         }
+    }
+
+    fn is_usage(&self) -> bool {
+        self.kind() == FoxgloveServerErrorKind::Argument
     }
 }

@@ -80,7 +80,7 @@ mod tests {
         };
         for address in ["0.0.0.0:8765", "192.168.1.5:8765", "[::]:8765"] {
             let error = check(address, false).unwrap_err();
-            assert_eq!(error.kind(), FoxgloveServerErrorKind::Arguments, "{address}");
+            assert_eq!(error.kind(), FoxgloveServerErrorKind::Argument, "{address}");
             assert!(check(address, true).is_ok());
         }
         for address in ["127.0.0.1:8765", "127.8.8.8:1", "[::1]:8765", "[::ffff:127.0.0.1]:8765"] {

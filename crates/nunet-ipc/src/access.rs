@@ -336,7 +336,7 @@ mod tests {
         assert_eq!(Access::of_group("4321").unwrap().gid, 4321);
         assert_eq!(Access::of_group("root").unwrap().gid, 0);
         let error = Access::of_group("no such group").unwrap_err();
-        assert_eq!(error.kind(), IpcErrorKind::InvalidArgument);
+        assert_eq!(error.kind(), IpcErrorKind::Argument);
         assert!(matches!(&error, IpcError::UnknownGroup { group } if group == "no such group"), "{error}");
         assert!(error.hint().is_some());
     }

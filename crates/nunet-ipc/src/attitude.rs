@@ -264,7 +264,7 @@ mod tests {
         let (mut publisher, mut reader) = silent("attitude-negative");
         for nanos in [-1, i64::MIN] {
             let error = publisher.publish(nanos, 0.1, 0.0).unwrap_err();
-            assert_eq!(error.kind(), IpcErrorKind::InvalidArgument, "{error}");
+            assert_eq!(error.kind(), IpcErrorKind::Argument, "{error}");
         }
         publisher.publish(MAX_DISTANCE_NANOS as i64, 0.2, 0.0).unwrap();
         assert_eq!(reader.at(Clock::Monotonic, 0, 0).unwrap().roll_rad, 0.2, "the only sample");
@@ -275,7 +275,7 @@ mod tests {
         let (mut publisher, mut reader) = silent("attitude-degrees");
         for [roll_rad, pitch_rad] in [[90.0, 0.0], [0.0, f32::NAN], [0.0, f32::INFINITY]] {
             let error = publisher.publish(1, roll_rad, pitch_rad).unwrap_err();
-            assert_eq!(error.kind(), IpcErrorKind::InvalidArgument, "{error}");
+            assert_eq!(error.kind(), IpcErrorKind::Argument, "{error}");
             // As a program without these checks might send it.
             publisher.record.push(AttitudeSample { capture_nanos: 1, roll_rad, pitch_rad });
             publisher.publish(9_000_000_000, 0.0, 0.0).unwrap();

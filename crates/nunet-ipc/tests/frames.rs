@@ -409,7 +409,7 @@ fn a_negative_capture_time_is_not_sent() {
         support::describe(&mut loan, 1);
         loan.header_mut().capture_nanos = nanos;
         let error = loan.publish(0).unwrap_err();
-        assert_eq!(error.kind(), IpcErrorKind::InvalidArgument, "{error}");
+        assert_eq!(error.kind(), IpcErrorKind::Argument, "{error}");
     }
     assert!(reader.latest(Topic::Depth).unwrap().is_none());
     publish_depth(&publisher, 2); // at 0

@@ -8,8 +8,8 @@ use nunet_core::camera::CameraError;
 use nunet_engine::{EngineError, EngineErrorKind};
 use nunet_files::FilesError;
 use nunet_ipc::{CameraNameError, IpcError};
-use nunet_source::{SourceError, SourceErrorKind};
-use nunet_types::{ErrorReport, HintOf, hint_of, join_hint, printable, split_hint};
+use nunet_source::SourceError;
+use nunet_types::{AsHint, ErrorReport, as_hint, is_usage, join_hint, printable, split_hint};
 use pyo3::PyTypeInfo;
 use pyo3::exceptions::{PyFileNotFoundError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
@@ -20,15 +20,15 @@ pub(crate) use self::exceptions::{ContractVersionError, ModelError, NunetError, 
 /// The attribute that holds the hint of an exception.
 const ATTRIBUTE: &str = "hint";
 
-/// The error types of nunet's Rust code that can give hints. A new one that implements `Hint` needs its line
-/// here.
-const HINTS: &[HintOf] = &[
-    nunet_core::hint_of,
-    hint_of::<EngineError>,
-    hint_of::<FilesError>,
-    hint_of::<IpcError>,
-    hint_of::<CameraNameError>,
-    hint_of::<SourceError>,
+/// The error types of nunet's Rust code that can give hints or be about the user's arguments. A new one that
+/// implements `Hint` needs its line here.
+const HINTS: &[AsHint] = &[
+    nunet_core::as_hint,
+    as_hint::<EngineError>,
+    as_hint::<FilesError>,
+    as_hint::<IpcError>,
+    as_hint::<CameraNameError>,
+    as_hint::<SourceError>,
 ];
 
 /// The classes as Python sees them. `CameraError` has the name of the Rust error that it is made from.
@@ -105,11 +105,7 @@ pub(crate) fn message(error: &(dyn Error + 'static)) -> String {
 
 /// The kind of an error, which selects the exception.
 fn kind_of(error: &anyhow::Error) -> EngineErrorKind {
-    let is_bad_argument = |cause: &(dyn Error + 'static)| {
-        let source = cause.downcast_ref::<SourceError>();
-        source.is_some_and(|error| error.kind() == SourceErrorKind::BadArguments)
-    };
-    let argument = || error.chain().any(is_bad_argument).then_some(EngineErrorKind::Argument);
+    let argument = || is_usage(error.as_ref(), HINTS).then_some(EngineErrorKind::Argument);
     EngineErrorKind::of_chain(error.as_ref()).or_else(argument).unwrap_or(EngineErrorKind::Other)
 }
 

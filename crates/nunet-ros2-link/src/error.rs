@@ -127,7 +127,7 @@ pub enum Ros2Error {
 #[non_exhaustive]
 pub enum Ros2ErrorKind {
     /// A value that the user chose.
-    Arguments,
+    Argument,
     /// The network cannot be used.
     Network,
     /// The system has no resources left, or a library failed.
@@ -149,7 +149,7 @@ impl Ros2Error {
             | Self::CameraName { .. }
             | Self::TopicName { .. }
             | Self::Missing { .. }
-            | Self::Transport { .. } => Ros2ErrorKind::Arguments,
+            | Self::Transport { .. } => Ros2ErrorKind::Argument,
             Self::Network { .. } | Self::StaticPeer { .. } => Ros2ErrorKind::Network,
             Self::Middleware { .. } | Self::Thread(_) => Ros2ErrorKind::System,
         }
@@ -185,5 +185,9 @@ impl Hint for Ros2Error {
             }
             _ => None,
         }
+    }
+
+    fn is_usage(&self) -> bool {
+        self.kind() == Ros2ErrorKind::Argument
     }
 }

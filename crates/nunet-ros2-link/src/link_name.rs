@@ -145,7 +145,7 @@ mod tests {
         assert_eq!("dds:7".parse::<LinkName>().unwrap(), LinkName::Dds { domain: Some(7) });
         assert_eq!("zenoh".parse::<LinkName>().unwrap(), LinkName::Zenoh { endpoint: None });
         for text in ["dds:233", "dds:-1", "dds:", "dds:x", "ros", "", "DDS", "zenoh:", "zenoh:7"] {
-            assert_eq!(text.parse::<LinkName>().unwrap_err().kind(), Ros2ErrorKind::Arguments, "{text}");
+            assert_eq!(text.parse::<LinkName>().unwrap_err().kind(), Ros2ErrorKind::Argument, "{text}");
         }
         let error = "dds:300".parse::<LinkName>().unwrap_err();
         assert_eq!(error.to_string(), "the domain is `300`, expected a ROS 2 domain from 0 to 232");

@@ -107,7 +107,7 @@ mod tests {
             ".",
             "",
         ] {
-            assert_eq!(peer(text).unwrap_err().kind(), Ros2ErrorKind::Arguments, "{text}");
+            assert_eq!(peer(text).unwrap_err().kind(), Ros2ErrorKind::Argument, "{text}");
         }
     }
 

@@ -217,7 +217,7 @@ mod tests {
         let everything = Available { labels: true, confidence: true, obstacles: true };
         assert_eq!(Topics::All.of_camera(everything).unwrap().len(), Topic::ALL.len());
         let error = "scan".parse::<Topics>().unwrap().of_camera(nothing).unwrap_err();
-        assert_eq!(error.kind(), Ros2ErrorKind::Arguments);
+        assert_eq!(error.kind(), Ros2ErrorKind::Argument);
         assert!("labels/image_raw".parse::<Topics>().unwrap().of_camera(nothing).is_err());
     }
 }

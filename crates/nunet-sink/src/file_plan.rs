@@ -66,6 +66,10 @@ impl Hint for FilePlanError {
     fn hint(&self) -> Option<Cow<'static, str>> {
         Some("pass another output".into())
     }
+
+    fn is_usage(&self) -> bool {
+        self.kind() == SinkErrorKind::Argument
+    }
 }
 
 /// A file or a folder, and its role.

@@ -72,7 +72,7 @@ mod tests {
         let kinds = kinds.into_iter().chain([("/dev/video0", "`v4l2`", cfg!(feature = "v4l2"))]);
         for (name, feature, _) in kinds.filter(|(_, _, is_read)| !is_read) {
             let error = SourceName::parse(name).check(&OpenOptions::default()).unwrap_err();
-            assert_eq!(error.kind(), SourceErrorKind::BadArguments, "{name}");
+            assert_eq!(error.kind(), SourceErrorKind::Argument, "{name}");
             assert!(error.hint().unwrap().contains(feature), "{name}");
         }
     }

@@ -140,7 +140,7 @@ impl CameraResolver {
     /// As [`CameraResolver::camera_of`], for a stream of frames.
     ///
     /// # Errors
-    /// [`BadArguments`](crate::SourceErrorKind::BadArguments) if the camera that the user named does not fit
+    /// [`Argument`](crate::SourceErrorKind::Argument) if the camera that the user named does not fit
     /// the first frame: it will not fit the next one either. [`BadFrame`](crate::SourceErrorKind::BadFrame)
     /// if it does not fit a later one.
     pub fn resolve(&mut self, frame: &Frame) -> Result<Option<Camera>, SourceError> {
@@ -252,7 +252,7 @@ mod tests {
         let frame = |size| Frame { size, ..Frame::default() };
         let mut resolver = CameraResolver::new(&geometry).unwrap();
         let mut kind = |size| resolver.resolve(&frame(size)).map_err(|error| error.kind());
-        assert_eq!(kind((64, 64).into()), Err(SourceErrorKind::BadArguments));
+        assert_eq!(kind((64, 64).into()), Err(SourceErrorKind::Argument));
         assert!(kind((128, 72).into()).unwrap().is_some());
         assert_eq!(kind((64, 64).into()), Err(SourceErrorKind::BadFrame));
         assert_eq!(CameraResolver::default().resolve(&frame((64, 64).into())).unwrap(), None);
@@ -282,7 +282,7 @@ mod tests {
         let upright = CameraGeometry { calibration: Some(file.path().into()), ..CameraGeometry::default() };
         assert!(CameraResolver::new(&upright).is_ok());
         let turned = CameraGeometry { rotation: Some(Rotation::Half), ..upright };
-        assert_eq!(CameraResolver::new(&turned).unwrap_err().kind(), SourceErrorKind::BadArguments);
+        assert_eq!(CameraResolver::new(&turned).unwrap_err().kind(), SourceErrorKind::Argument);
     }
 
     #[test]
@@ -295,7 +295,7 @@ mod tests {
         assert_eq!(CameraResolver::new(&geometry).unwrap().calibrated_scale().unwrap().factor, 0.8);
         let twice = CameraGeometry { factor: Some(0.9), ..geometry };
         let error = CameraResolver::new(&twice).unwrap_err();
-        assert_eq!(error.kind(), SourceErrorKind::BadArguments);
+        assert_eq!(error.kind(), SourceErrorKind::Argument);
         insta::assert_snapshot!(
             error.to_string().replace(file.path().to_str().unwrap(), "FILE"),
             @"the scale factor 0.9 conflicts with the factor 0.8 in the calibration `FILE`"
@@ -307,7 +307,7 @@ mod tests {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), "no: calibration").unwrap();
         for path in [file.path(), Path::new("missing.yaml")] {
-            assert_eq!(read_calibration(path).unwrap_err().kind(), SourceErrorKind::BadArguments);
+            assert_eq!(read_calibration(path).unwrap_err().kind(), SourceErrorKind::Argument);
         }
     }
 }

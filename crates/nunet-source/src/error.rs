@@ -13,7 +13,7 @@ use crate::secret::Secrets;
 #[non_exhaustive]
 pub enum SourceErrorKind {
     /// The name of the source or its options are wrong: other arguments would help.
-    BadArguments,
+    Argument,
     /// The source cannot be opened, or reading it failed.
     Unavailable,
     /// One frame cannot be read.
@@ -44,7 +44,7 @@ impl SourceError {
     /// Wrong arguments.
     #[must_use]
     pub fn bad_arguments(message: impl Into<String>) -> Self {
-        Self::new(SourceErrorKind::BadArguments, message)
+        Self::new(SourceErrorKind::Argument, message)
     }
 
     /// A frame that cannot be read.
@@ -124,6 +124,10 @@ impl Hint for SourceError {
 
     fn setting(&self) -> Option<&'static str> {
         self.setting
+    }
+
+    fn is_usage(&self) -> bool {
+        self.kind == SourceErrorKind::Argument
     }
 }
 

@@ -161,10 +161,10 @@ impl Source for RecordingSource {
 pub fn from_recording_error(error: RecordingError) -> SourceError {
     let kind = match (error.kind(), &error) {
         (RecordingErrorKind::Topic, _) | (_, RecordingError::NotARecordingFolder { .. }) => {
-            SourceErrorKind::BadArguments
+            SourceErrorKind::Argument
         }
         (_, RecordingError::Io { source, .. }) if source.kind() == ErrorKind::NotFound => {
-            SourceErrorKind::BadArguments
+            SourceErrorKind::Argument
         }
         (RecordingErrorKind::Message, _) => SourceErrorKind::BadFrame,
         (RecordingErrorKind::Damaged, _) => SourceErrorKind::CutOff,
@@ -178,7 +178,7 @@ pub fn from_recording_error(error: RecordingError) -> SourceError {
     };
     match error {
         // The cause is kept, because programs that embed this crate check it.
-        RecordingError::Io { source, .. } if kind == SourceErrorKind::BadArguments => {
+        RecordingError::Io { source, .. } if kind == SourceErrorKind::Argument => {
             converted.with_hint("name an existing MCAP file").with_cause(source)
         }
         RecordingError::Io { source, .. } => converted.with_cause(source),
@@ -271,7 +271,7 @@ mod tests {
         write_recording(&path, "eye", &[None]);
         for (topic, kind) in [
             (None, SourceErrorKind::NothingReadable),
-            (Some("/front/depth/image_raw"), SourceErrorKind::BadArguments),
+            (Some("/front/depth/image_raw"), SourceErrorKind::Argument),
         ] {
             let error = RecordingSource::open(&path, OpenOptions { topic, ..OpenOptions::default() }).err();
             assert_eq!(error.map(|error| error.kind()), Some(kind), "{topic:?}");

@@ -239,17 +239,17 @@ mod tests {
             "ros2:/a@zenoh:robot",
             "ros2:/a@dds:233",
         ] {
-            assert_eq!(check(name).unwrap_err().kind(), SourceErrorKind::BadArguments, "{name}");
+            assert_eq!(check(name).unwrap_err().kind(), SourceErrorKind::Argument, "{name}");
         }
         let mut probed = SourceName::parse("ros2:/a").probe(OpenOptions::default()).unwrap();
         assert!(matches!(probed.fill(&mut Frame::default()), Fill::End));
         let repeat = OpenOptions { repeat: true, ..OpenOptions::default() };
         let error = SourceName::parse("ros2:/a").check(&repeat).unwrap_err();
-        assert_eq!(error.kind(), SourceErrorKind::BadArguments, "{error}");
+        assert_eq!(error.kind(), SourceErrorKind::Argument, "{error}");
         insta::assert_snapshot!(error, @"a loop is impossible: a topic has no end");
         let rate = OpenOptions { rate: Some(Rate::Max), ..OpenOptions::default() };
         let error = SourceName::parse("ros2:/a").check(&rate).unwrap_err();
-        assert_eq!(error.kind(), SourceErrorKind::BadArguments);
+        assert_eq!(error.kind(), SourceErrorKind::Argument);
     }
 
     #[cfg(feature = "v4l2")]
@@ -298,7 +298,7 @@ mod tests {
     #[track_caller]
     fn refused(source: &str, options: OpenOptions<'_>) -> String {
         let error = SourceName::parse(source).open(options).err().expect("it is refused");
-        assert_eq!(error.kind(), SourceErrorKind::BadArguments, "{error:#}");
+        assert_eq!(error.kind(), SourceErrorKind::Argument, "{error:#}");
         error.to_string()
     }
 

@@ -101,7 +101,7 @@ fn announce(link: &dyn Link) {
 
 fn source_error(error: Ros2Error) -> SourceError {
     let kind = match error.kind() {
-        Ros2ErrorKind::Arguments => SourceErrorKind::BadArguments,
+        Ros2ErrorKind::Argument => SourceErrorKind::Argument,
         _ => SourceErrorKind::Unavailable,
     };
     let hint = error.hint();

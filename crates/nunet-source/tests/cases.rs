@@ -136,7 +136,7 @@ fn the_parts_of_a_split_bag_are_played_in_order() {
 fn a_ros_1_bag_is_named_with_its_conversion() {
     let name = cases::path("hints_for_other_files/drive.bag");
     let error = SourceName::parse(name.to_str().unwrap()).open(OpenOptions::default()).err().unwrap();
-    assert_eq!(error.kind(), SourceErrorKind::BadArguments);
+    assert_eq!(error.kind(), SourceErrorKind::Argument);
     insta::assert_snapshot!(
         error.to_string().replace(name.parent().unwrap().to_str().unwrap(), "FOLDER"),
         @"`FOLDER/drive.bag` is not a source: it is a ROS 1 bag"

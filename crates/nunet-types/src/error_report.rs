@@ -7,19 +7,31 @@ use std::iter::successors;
 use crate::hint::{CAUSE_MARK, Hint, join_hint};
 use crate::printable;
 
-/// Finds the hint of one error of a chain, if the error is of a certain type.
-pub type HintOf = fn(&(dyn Error + 'static)) -> Option<Cow<'static, str>>;
+/// One error of a chain as a [`Hint`], if the error is of a certain type. A front end has a list of them for
+/// all types that it knows.
+pub type AsHint = for<'a> fn(&'a (dyn Error + 'static)) -> Option<&'a dyn Hint>;
 
-/// The [`HintOf`] of a type: [`flag_hint`] of an `E`.
+/// The [`AsHint`] of the type `E`.
 #[must_use]
-pub fn hint_of<E: Error + Hint + 'static>(error: &(dyn Error + 'static)) -> Option<Cow<'static, str>> {
-    flag_hint(error.downcast_ref::<E>()?)
+pub fn as_hint<'a, E: Error + Hint + 'static>(error: &'a (dyn Error + 'static)) -> Option<&'a dyn Hint> {
+    error.downcast_ref::<E>().map(|error| -> &dyn Hint { error })
+}
+
+fn find_hint<'a>(error: &'a (dyn Error + 'static), hints: &[AsHint]) -> Option<&'a dyn Hint> {
+    hints.iter().find_map(|as_hint| as_hint(error))
+}
+
+/// Whether a value that the user chose is at fault ([`Hint::is_usage`]), by the error or one of its causes.
+#[must_use]
+pub fn is_usage(error: &(dyn Error + 'static), hints: &[AsHint]) -> bool {
+    let mut chain = successors(Some(error), |&error| error.source());
+    chain.any(|cause| find_hint(cause, hints).is_some_and(|hint| hint.is_usage()))
 }
 
 /// A library's hint, completed by the flag of the setting that it is about:
 /// `name one of the topics (--topic)`.
 #[must_use]
-pub fn flag_hint(error: &impl Hint) -> Option<Cow<'static, str>> {
+pub fn flag_hint(error: &(impl Hint + ?Sized)) -> Option<Cow<'static, str>> {
     let hint = error.hint()?;
     Some(match error.setting() {
         Some(setting) => format!("{hint} (--{setting})").into(),
@@ -39,7 +51,7 @@ pub struct ErrorReport {
 impl ErrorReport {
     /// The report of an error. `hints` has the types of errors whose hints are found.
     #[must_use]
-    pub fn of(error: &(dyn Error + 'static), hints: &[HintOf]) -> Self {
+    pub fn of(error: &(dyn Error + 'static), hints: &[AsHint]) -> Self {
         let mut report = Self { causes: Vec::new(), hints: Vec::new() };
         let mut previous = String::new();
         for cause in successors(Some(error), |&error| error.source()) {
@@ -48,7 +60,7 @@ impl ErrorReport {
             if report.causes.is_empty() || !previous.contains(text.trim()) {
                 report.causes.push(without_empty_lines(&printable::message(&text)));
             }
-            let hint = hints.iter().find_map(|hint_of| hint_of(cause));
+            let hint = find_hint(cause, hints).and_then(flag_hint);
             report.hints.extend(hint.map(|hint| printable::message(&hint).into_owned()));
             previous = text;
         }
@@ -112,19 +124,33 @@ mod tests {
         fn setting(&self) -> Option<&'static str> {
             self.setting
         }
+
+        fn is_usage(&self) -> bool {
+            self.setting.is_some()
+        }
     }
 
     #[test]
     fn hints_of_listed_types_follow_the_last_cause_with_the_flag_of_their_setting() {
         let cause = Failed { text: "two topics", setting: Some("topic"), cause: None };
         let error = Failed { text: "cannot read `a\nb`", setting: None, cause: Some(Box::new(cause)) };
-        let report = ErrorReport::of(&error, &[hint_of::<Failed>]);
+        let report = ErrorReport::of(&error, &[as_hint::<Failed>]);
         assert_eq!(
             report.text(),
             "cannot read `a\\nb`\n  because: two topics\nhint: fix `cannot read `a\\nb``\n\
              hint: fix `two topics` (--topic)"
         );
         assert_eq!(ErrorReport::of(&error, &[]).text(), report.message());
+    }
+
+    #[test]
+    fn an_error_is_of_the_users_values_if_one_of_its_causes_is() {
+        let cause = Failed { text: "two topics", setting: Some("topic"), cause: None };
+        let error = Failed { text: "cannot read `a`", setting: None, cause: Some(Box::new(cause)) };
+        assert!(is_usage(&error, &[as_hint::<Failed>]));
+        assert!(!is_usage(&error, &[]));
+        let error = Failed { text: "cannot read `a`", setting: None, cause: None };
+        assert!(!is_usage(&error, &[as_hint::<Failed>]));
     }
 
     #[test]

@@ -20,6 +20,11 @@ pub trait Hint {
     fn setting(&self) -> Option<&'static str> {
         None
     }
+
+    /// Whether a value that the user chose is at fault: the command line exits with 2 instead of 1 then.
+    fn is_usage(&self) -> bool {
+        false
+    }
 }
 
 /// The hint for an address that a server cannot listen on. `example` is an address that it can.

@@ -64,7 +64,7 @@ pub use contract::CONTRACT_VERSION;
 pub use counted::counted;
 pub use depth::{Quality, ScaleSource, Units};
 pub use error_kind::TypesErrorKind;
-pub use error_report::{ErrorReport, HintOf, flag_hint, hint_of};
+pub use error_report::{AsHint, ErrorReport, as_hint, flag_hint, is_usage};
 pub use hint::{CAUSE_MARK, Hint, hint_of_listen, join_hint, split_hint, text_with_causes, text_with_hint};
 pub use host_port::is_host_and_port;
 pub use image_size::{ImageSize, ImageSizeError, MAX_SIDE_PX};

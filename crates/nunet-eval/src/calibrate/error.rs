@@ -145,7 +145,7 @@ impl CalibrateError {
             Self::TooFew { .. } | Self::Inconsistent { .. } | Self::TruthTooFar { .. } | Self::Factor(_) => {
                 EvalErrorKind::Truth
             }
-            Self::Source(error) if error.kind() == SourceErrorKind::BadArguments => EvalErrorKind::Argument,
+            Self::Source(error) if error.kind() == SourceErrorKind::Argument => EvalErrorKind::Argument,
             Self::Source(_) | Self::Frame(_) | Self::ImageOfReading { .. } => EvalErrorKind::Image,
             Self::Pipeline(_) => EvalErrorKind::Model,
             Self::Dataset(error) => error.kind(),
@@ -192,6 +192,10 @@ impl Hint for CalibrateError {
             Self::Scale(error) => return error.hint(),
             Self::Dataset(error) => return error.hint(),
         })
+    }
+
+    fn is_usage(&self) -> bool {
+        self.kind() == EvalErrorKind::Argument
     }
 }
 

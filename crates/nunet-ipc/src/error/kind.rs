@@ -8,7 +8,7 @@ use crate::name::CameraNameError;
 #[non_exhaustive]
 pub enum IpcErrorKind {
     /// An argument out of range.
-    InvalidArgument,
+    Argument,
     /// Shared memory is missing or too small.
     SharedMemory,
     /// Another process publishes this camera.
@@ -38,10 +38,10 @@ pub enum IpcErrorKind {
 }
 
 impl CameraNameError {
-    /// [`IpcErrorKind::InvalidArgument`].
+    /// [`IpcErrorKind::Argument`].
     #[must_use]
     pub fn kind(&self) -> IpcErrorKind {
-        IpcErrorKind::InvalidArgument
+        IpcErrorKind::Argument
     }
 }
 
@@ -59,7 +59,7 @@ impl IpcError {
             | Self::PayloadTooLarge { .. }
             | Self::WrongElement { .. }
             | Self::UnknownGroup { .. }
-            | Self::AccessMode { .. } => Kind::InvalidArgument,
+            | Self::AccessMode { .. } => Kind::Argument,
             Self::SharedMemoryTooSmall { .. }
             | Self::SharedMemoryMissing { .. }
             | Self::MemoryNotBacked { .. } => Kind::SharedMemory,

@@ -292,7 +292,7 @@ mod tests {
         for path in [folder.path(), &folder.path().join("none.json5"), &bad, Path::new("/dev/zero")] {
             let error =
                 check(&LinkName::Zenoh { endpoint: None }, &environment(Some(path), None)).unwrap_err();
-            assert_eq!(error.kind(), Ros2ErrorKind::Arguments);
+            assert_eq!(error.kind(), Ros2ErrorKind::Argument);
             let expected = format!("cannot read the Zenoh configuration `{}`", path.display());
             assert!(error.to_string().starts_with(&expected), "{error}");
             assert!(!error.to_string().contains(".rs:"), "{error}");

@@ -65,7 +65,7 @@ fn a_network_camera_needs_a_host_and_a_port_that_can_exist() {
         "rtsp://admin:s3cret@/front",
     ] {
         let error = check(name).unwrap_err();
-        assert_eq!(error.kind(), SourceErrorKind::BadArguments, "{name}");
+        assert_eq!(error.kind(), SourceErrorKind::Argument, "{name}");
         assert!(!error.to_string().contains("s3cret"), "{error}");
     }
 }
@@ -103,7 +103,7 @@ fn a_command_that_does_not_exist_is_an_error_that_names_it() {
 #[test]
 fn a_command_without_text_is_refused() {
     let error = SourceName::parse("exec: ").open(OpenOptions::default()).err().unwrap();
-    assert_eq!(error.kind(), SourceErrorKind::BadArguments);
+    assert_eq!(error.kind(), SourceErrorKind::Argument);
 }
 
 #[test]

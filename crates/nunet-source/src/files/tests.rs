@@ -118,7 +118,7 @@ fn a_single_file_that_is_no_image_is_a_bad_argument_with_a_hint() {
     let refused = |content: &[u8]| {
         std::fs::write(&path, content).unwrap();
         let error = Files::open(path.to_str().unwrap(), false).unwrap_err();
-        assert!(error.kind() == SourceErrorKind::BadArguments, "{error:#}");
+        assert!(error.kind() == SourceErrorKind::Argument, "{error:#}");
         let text = format!("{error} | {}", error.hint().unwrap());
         text.replace(path.to_str().unwrap(), "CLIP")
     };
@@ -157,7 +157,7 @@ fn an_empty_folder_and_a_missing_one_are_bad_arguments() {
     let folder = tempfile::tempdir().unwrap();
     for pattern in [folder.path().to_owned(), folder.path().join("missing")] {
         let error = Files::open(pattern.to_str().unwrap(), false).unwrap_err();
-        assert!(error.kind() == SourceErrorKind::BadArguments, "{error:#}");
+        assert!(error.kind() == SourceErrorKind::Argument, "{error:#}");
     }
 }
 
@@ -165,7 +165,7 @@ fn an_empty_folder_and_a_missing_one_are_bad_arguments() {
 fn a_url_of_another_kind_is_named_with_a_way_to_read_it_and_without_its_password() {
     for url in ["http://admin:s3cret@10.0.0.4/video.mjpg", "https://cam/a?b=1", "udp://@:1234"] {
         let error = Files::open(url, false).unwrap_err();
-        assert_eq!(error.kind(), SourceErrorKind::BadArguments);
+        assert_eq!(error.kind(), SourceErrorKind::Argument);
         let text = format!("{error:#} {}", error.hint().unwrap());
         assert!(text.contains("exec:ffmpeg -i") && !text.contains("s3cret"), "{text}");
     }
@@ -180,7 +180,7 @@ fn recordings_of_other_formats_are_named_with_a_conversion() {
         std::fs::write(&path, content).unwrap();
         let [by_file, by_folder] = [path.as_path(), folder.path()].map(|named| {
             let error = Files::open(named.to_str().unwrap(), false).unwrap_err();
-            assert_eq!(error.kind(), SourceErrorKind::BadArguments, "{error:#}");
+            assert_eq!(error.kind(), SourceErrorKind::Argument, "{error:#}");
             assert!(error.hint().unwrap().contains(hint), "{:?}", error.hint());
             error.to_string().replace(folder.path().to_str().unwrap(), "FOLDER")
         });

@@ -119,11 +119,8 @@ impl<H: Host> V4l2Camera<H> {
 
     fn open(mut host: H, path: &Path, requested: RequestedMode) -> Result<Self, SourceError> {
         let stream = StartedDevice::open(&mut host, path, requested).map_err(|fault| {
-            let kind = if fault.is_argument() {
-                SourceErrorKind::BadArguments
-            } else {
-                SourceErrorKind::Unavailable
-            };
+            let kind =
+                if fault.is_argument() { SourceErrorKind::Argument } else { SourceErrorKind::Unavailable };
             let error = SourceError::new(kind, fault.to_string());
             let error = match fault.hint_on(&host) {
                 Some(hint) => error.with_hint(hint),

@@ -743,7 +743,7 @@ fn set_in(host: &FakeHost, exposure: &str, gain: &str) -> Result<Vec<(u32, i32)>
     match host.try_open(RequestedMode { settings, ..REQUESTED }) {
         Ok(_) => Ok(host.world().set.clone()),
         Err(error) => {
-            assert_eq!(error.kind(), SourceErrorKind::BadArguments);
+            assert_eq!(error.kind(), SourceErrorKind::Argument);
             Err(format!("{error:#}"))
         }
     }

@@ -145,7 +145,7 @@ pub(super) fn prepare<'a>(
         let source = open(&plan.config.source.name, options);
         stop.check()?;
         let source = match source {
-            Err(error) if error.kind() == SourceErrorKind::BadArguments => {
+            Err(error) if error.kind() == SourceErrorKind::Argument => {
                 return Err(in_camera(error.into(), plan.name(), several));
             }
             source => source,
