@@ -9,7 +9,7 @@ use nunet_engine::{EngineError, EngineErrorKind};
 use nunet_files::FilesError;
 use nunet_ipc::{CameraNameError, IpcError};
 use nunet_source::SourceError;
-use nunet_types::{AsHint, ErrorReport, as_hint, is_usage, join_hint, printable, split_hint};
+use nunet_types::{AsHint, ErrorReport, as_hint, is_usage, printable};
 use pyo3::PyTypeInfo;
 use pyo3::exceptions::{PyFileNotFoundError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
@@ -78,15 +78,20 @@ pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 /// An exception whose text ends with the hint, which is its attribute `hint` too. Names in both cannot add
 /// another one.
 pub(crate) fn hinted<E: PyTypeInfo>(text: impl Display, hint: impl Display) -> PyErr {
-    let (text, hint) = (text.to_string(), hint.to_string());
-    exception::<E>(join_hint(printable::message(&text), printable::message(&hint)))
+    exception::<E>(&report_of_text(&text.to_string(), Some(&hint.to_string())))
 }
 
-/// An exception with this text, which may end with lines `hint: ...`.
-pub(crate) fn exception<E: PyTypeInfo>(message: String) -> PyErr {
-    let (_, hint) = split_hint(&message);
-    let error = PyErr::new::<E, _>(message);
-    if let Some(hint) = hint {
+/// A text and what can be done about it, without control characters in names.
+pub(crate) fn report_of_text(text: &str, hint: Option<&str>) -> ErrorReport {
+    let shown = |text: &str| printable::message(text).into_owned();
+    ErrorReport { causes: vec![shown(text)], hints: hint.map(shown).into_iter().collect() }
+}
+
+/// An exception whose text has the causes and the hints, and whose attribute `hint` has the hints.
+pub(crate) fn exception<E: PyTypeInfo>(report: &ErrorReport) -> PyErr {
+    let error = PyErr::new::<E, _>(report.text());
+    if !report.hints.is_empty() {
+        let hint = report.hints.join("\n");
         // An exception class that takes no attributes still has the hint in its text.
         Python::attach(|py| error.value(py).setattr(ATTRIBUTE, hint).ok());
     }
@@ -95,12 +100,12 @@ pub(crate) fn exception<E: PyTypeInfo>(message: String) -> PyErr {
 
 /// The exception for an error of nunet's Rust code.
 pub(crate) fn failure(error: &anyhow::Error) -> PyErr {
-    raise(kind_of(error), message(error.as_ref()))
+    raise(kind_of(error), &report(error.as_ref()))
 }
 
-/// The text of an error as `nunetd` prints it: one line per cause, then the hints.
-pub(crate) fn message(error: &(dyn Error + 'static)) -> String {
-    ErrorReport::of(error, HINTS).text()
+/// An error, its causes and their hints, as `nunetd` prints them.
+pub(crate) fn report(error: &(dyn Error + 'static)) -> ErrorReport {
+    ErrorReport::of(error, HINTS)
 }
 
 /// The kind of an error, which selects the exception.
@@ -111,29 +116,27 @@ fn kind_of(error: &anyhow::Error) -> EngineErrorKind {
 
 /// The exception for invalid intrinsics or distortion coefficients.
 pub(crate) fn of_camera(error: CameraError) -> PyErr {
-    let hint = "intrinsics and size are in pixels, as a calibration gives them";
-    raise(EngineErrorKind::Camera, with_hint(message(&error), hint))
+    let mut described = report(&error);
+    if described.hints.is_empty() {
+        described.hints.push("intrinsics and size are in pixels, as a calibration gives them".to_owned());
+    }
+    raise(EngineErrorKind::Camera, &described)
 }
 
-/// The message with this hint if it has none.
-pub(crate) fn with_hint(message: String, hint: &str) -> String {
-    if split_hint(&message).1.is_none() { join_hint(message, hint) } else { message }
-}
-
-fn raise(kind: EngineErrorKind, message: String) -> PyErr {
+fn raise(kind: EngineErrorKind, report: &ErrorReport) -> PyErr {
     match kind {
-        EngineErrorKind::NotFound => exception::<PyFileNotFoundError>(message),
-        EngineErrorKind::Argument => exception::<PyValueError>(message),
-        EngineErrorKind::Model => exception::<ModelError>(message),
-        EngineErrorKind::Wiring => exception::<WiringError>(message),
-        EngineErrorKind::Camera => exception::<PyCameraError>(message),
-        _ => exception::<NunetError>(message),
+        EngineErrorKind::NotFound => exception::<PyFileNotFoundError>(report),
+        EngineErrorKind::Argument => exception::<PyValueError>(report),
+        EngineErrorKind::Model => exception::<ModelError>(report),
+        EngineErrorKind::Wiring => exception::<WiringError>(report),
+        EngineErrorKind::Camera => exception::<PyCameraError>(report),
+        _ => exception::<NunetError>(report),
     }
 }
 
 /// Issues a `UserWarning` that ends with a hint.
 pub(crate) fn warn_with_hint(py: Python<'_>, message: &str, hint: &str) -> PyResult<()> {
-    issue(py, &join_hint(printable::message(message), printable::message(hint)))
+    issue(py, &report_of_text(message, Some(hint)).text())
 }
 
 /// Issues a `UserWarning` at the caller's line.

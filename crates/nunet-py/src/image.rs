@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyByteArray, PyBytes, PyMemoryView, PyString};
 
 use crate::array::{check_type, holds, read, shape_text, type_name};
-use crate::error::{exception, failure, hinted, with_hint};
+use crate::error::{failure, hinted};
 
 /// The accepted types of images, for messages.
 const EXPECTED: &str = "a numpy array of uint8 (H, W, 3), a path or a PIL image";
@@ -106,7 +106,7 @@ impl<'py> ImageArgument<'py> {
             }
         };
         let hint = "pass an image with at least one row and one column, and resize one beyond the limit";
-        view.map_err(|error| exception::<PyValueError>(with_hint(error.to_string(), hint)))
+        view.map_err(|error| hinted::<PyValueError>(error, hint))
     }
 }
 

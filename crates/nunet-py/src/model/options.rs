@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyString;
 
 use crate::argument::shown;
-use crate::error::{exception, hinted, message};
+use crate::error::{exception, hinted, report};
 
 /// The execution provider by its name.
 pub(super) fn provider(name: &str) -> PyResult<Provider> {
@@ -55,7 +55,7 @@ pub(super) fn filters(given: &Bound<'_, PyAny>) -> PyResult<Vec<FilterSpec>> {
             )
         })?
     };
-    let refused = |error: FilterError| exception::<PyValueError>(message(&error));
+    let refused = |error: FilterError| exception::<PyValueError>(&report(&error));
     let filters: Vec<FilterSpec> =
         words.iter().map(|word| word.parse()).collect::<Result<_, _>>().map_err(refused)?;
     FilterOptions::new(&filters).map_err(refused)?;

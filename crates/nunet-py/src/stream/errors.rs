@@ -3,11 +3,11 @@
 use std::error::Error;
 
 use nunet_ipc::{CameraName, IpcError, Topic};
-use nunet_types::{Hint, counted, join_hint, printable, text_with_causes};
+use nunet_types::{ErrorReport, Hint, counted, text_with_causes};
 use pyo3::exceptions::{PyTimeoutError, PyValueError};
 use pyo3::prelude::*;
 
-use crate::error::{ContractVersionError, NunetError, exception, hinted};
+use crate::error::{ContractVersionError, NunetError, exception, hinted, report_of_text};
 
 /// The exception for an error of shared memory.
 pub(super) fn ipc_error(error: IpcError) -> PyErr {
@@ -25,21 +25,16 @@ pub(super) fn ipc_error(error: IpcError) -> PyErr {
                 ),
             )
         }
-        IpcError::NobodyPublishes { .. } => exception::<PyTimeoutError>(message(&error)),
-        IpcError::ContractVersion { .. } => exception::<ContractVersionError>(message(&error)),
-        IpcError::Limit { .. } | IpcError::CaptureTime { .. } => exception::<PyValueError>(message(&error)),
-        error => exception::<NunetError>(message(&error)),
+        IpcError::NobodyPublishes { .. } => exception::<PyTimeoutError>(&report(&error)),
+        IpcError::ContractVersion { .. } => exception::<ContractVersionError>(&report(&error)),
+        IpcError::Limit { .. } | IpcError::CaptureTime { .. } => exception::<PyValueError>(&report(&error)),
+        error => exception::<NunetError>(&report(&error)),
     }
 }
 
-/// The text of an error with its causes and its hint.
-fn message<E: Error + Hint>(error: &E) -> String {
-    let text = text_with_causes(error);
-    let text = printable::message(&text);
-    match error.hint() {
-        Some(hint) => join_hint(text, printable::message(&hint)),
-        None => text.into_owned(),
-    }
+/// An error with its causes on one line, and its hint.
+fn report<E: Error + Hint>(error: &E) -> ErrorReport {
+    report_of_text(&text_with_causes(error), error.hint().as_deref())
 }
 
 /// The name of a camera.
@@ -47,5 +42,5 @@ fn message<E: Error + Hint>(error: &E) -> String {
 /// # Errors
 /// `ValueError` for an invalid name.
 pub(super) fn camera_name(name: &str) -> PyResult<CameraName> {
-    CameraName::new(name).map_err(|error| exception::<PyValueError>(message(&error)))
+    CameraName::new(name).map_err(|error| exception::<PyValueError>(&report(&error)))
 }
