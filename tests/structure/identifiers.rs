@@ -31,7 +31,10 @@ const TYPES: [(&str, &str); 16] = [
 ];
 
 /// Names that say too little for anything else.
-const OTHERS: [(&str, &str); 9] = [
+const OTHERS: [(&str, &str); 12] = [
+    ("Arguments", "Argument, the kind of an error of a wrong value"),
+    ("BadArguments", "Argument"),
+    ("InvalidArgument", "Argument"),
     ("hush", "silence_logs"),
     ("look", "poll, read, check"),
     ("looks", "polls, contents"),
