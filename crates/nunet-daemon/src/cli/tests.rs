@@ -268,8 +268,11 @@ fn a_flag_may_require_a_key_of_the_file_and_a_key_a_flag() {
     assert!(turned.cameras[0].record.as_ref().is_some_and(|record| record.force));
     let error = parse("rate = 5", "run --force").unwrap_err();
     assert!(error.contains("`--force`") && error.contains("`--record`"), "{error}");
-    assert!(!error.contains("[FILE]"), "{error}");
+    assert!(!error.contains("[FILE]") && error.contains("Usage: "), "{error}");
     assert_names("force = true", &["`[FILE]`", "`force`", "`record`"]);
+    // The usage of the command line does not help with a mistake in the file.
+    let error = parse("force = true", "run").unwrap_err();
+    assert!(!error.contains("Usage: "), "{error}");
 }
 
 #[test]
