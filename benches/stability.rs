@@ -22,7 +22,7 @@ fn stability(criterion: &mut Criterion) {
     criterion.bench_function("stability/640x480", |bencher| {
         bencher.iter(|| {
             count += 1;
-            gauge.update((black_box(&rgb), SIZE), (black_box(&frames[count % 2]), SIZE))
+            gauge.update(black_box(&rgb), SIZE, black_box(&frames[count % 2]), SIZE)
         });
     });
 }

@@ -283,7 +283,7 @@ impl Pipeline {
         self.chain.apply(depth_m, clock, timer.stages())?;
         let is_filtered = self.options.filters != FilterOptions::default();
         let invalid_pixels = if is_filtered { filter::count_invalid(depth_m) } else { decoded };
-        let stability = self.stability.update((full.rgb, self.network.graph.size()), (depth_m, size));
+        let stability = self.stability.update(full.rgb, self.network.graph.size(), depth_m, size);
         let max_range_m = self.decoder.max_range_m();
         timer.time(|| self.lens.fill_cloud(depth_m, &appearance, max_range_m, cloud))?;
         let filtered = is_filtered.then_some(&*depth_m);

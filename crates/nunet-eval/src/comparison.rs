@@ -181,7 +181,9 @@ impl Comparison {
     /// The protocol is for images of another size.
     pub(crate) fn pixels(
         &self,
-        (predicted, truth_m, confidence): (&[f32], &[f32], &[u8]),
+        predicted: &[f32],
+        truth_m: &[f32],
+        confidence: &[u8],
         size: ImageSize,
     ) -> Result<Vec<Pixel>, EvalError> {
         let [rows, columns] = crop(self.protocol, size)?;

@@ -179,8 +179,9 @@ impl Evaluation {
         self.compare_obstacles(id, &truth, &prediction)?;
         let alone = self.comparison.add(&prediction.depth, &truth.depth_m, truth.size)?;
         if let Some(confidence) = &prediction.confidence {
-            let images = (&prediction.depth[..], &truth.depth_m[..], &confidence[..]);
-            self.sparsification.add(&self.comparison.pixels(images, truth.size)?);
+            let depth = &prediction.depth;
+            let pixels = self.comparison.pixels(depth, &truth.depth_m, confidence, truth.size)?;
+            self.sparsification.add(&pixels);
         }
         if truth.is_meters {
             self.comparison.see_meters();

@@ -66,7 +66,8 @@ impl ImageReplay {
         path: &Path,
         topic: Option<&str>,
         rotation: Option<Rotation>,
-        (camera, scale): (Option<Camera>, Option<CalibratedScale>),
+        camera: Option<Camera>,
+        scale: Option<CalibratedScale>,
     ) -> anyhow::Result<Self> {
         let source = RecordingSource::open(path, OpenOptions { topic, ..OpenOptions::default() })?;
         let source = Rotated::new(source, rotation);

@@ -112,7 +112,8 @@ impl PyObstacles {
     pub(crate) fn of_depth(
         py: Python<'_>,
         image: &DepthImage<'_>,
-        (camera, mount): (&Camera, Mount),
+        camera: &Camera,
+        mount: Mount,
         classes: &[String],
         options: ObstacleOptions,
     ) -> PyResult<Self> {

@@ -138,7 +138,7 @@ fn replay(
     let factor = model.get().factor_of(camera)?;
     let camera = camera.map(|camera| camera.0);
     let player = py
-        .detach(|| ImageReplay::open(&path, topic, rotate, (camera, factor)))
+        .detach(|| ImageReplay::open(&path, topic, rotate, camera, factor))
         .map_err(|error| failure(&error))?;
     let (topic, images) = (player.topic().to_owned(), player.image_count());
     let path = path.display().to_string();

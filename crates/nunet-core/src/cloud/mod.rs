@@ -144,7 +144,8 @@ mod tests {
     fn cloud(
         depth_m: &[f32],
         rays: &RayTable,
-        (rgb, labels): (&[u8], Option<&[u8]>),
+        rgb: &[u8],
+        labels: Option<&[u8]>,
         stride: NonZeroU32,
         out: &mut [CloudPoint],
     ) -> Result<(), CloudError> {
@@ -164,7 +165,7 @@ mod tests {
     fn a_hand_computed_cloud_of_two_points() {
         let rays = rays(2.0, 4.0, 0.5, 1.0, 2, 1);
         let mut out = [BLANK; 2];
-        cloud(&[2.0, 4.0], &rays, (&[1, 2, 3, 4, 5, 6], Some(&[7, 8])), ONE, &mut out).unwrap();
+        cloud(&[2.0, 4.0], &rays, &[1, 2, 3, 4, 5, 6], Some(&[7, 8]), ONE, &mut out).unwrap();
         assert_eq!(out[0], CloudPoint { x: -0.5, y: -0.5, z: 2.0, b: 3, g: 2, r: 1, label: 7 });
         assert_eq!(out[1], CloudPoint { x: 1.0, y: -1.0, z: 4.0, b: 6, g: 5, r: 4, label: 8 });
     }
@@ -173,7 +174,7 @@ mod tests {
     fn a_point_without_depth_keeps_its_place_and_color() {
         let mut out = [BLANK; 2];
         let rays = rays(2.0, 4.0, 0.5, 0.0, 2, 1);
-        cloud(&[f32::NAN, 1.0], &rays, (&[9; 6], None), ONE, &mut out).unwrap();
+        cloud(&[f32::NAN, 1.0], &rays, &[9; 6], None, ONE, &mut out).unwrap();
         assert!(out[0].x.is_nan() && out[0].y.is_nan() && out[0].z.is_nan());
         assert_eq!((out[0].r, out[0].label, out[1].z), (9, NO_LABEL, 1.0));
     }
@@ -185,7 +186,7 @@ mod tests {
         let depth: Vec<f32> = (1..=15).map(|z| z as f32).collect();
         let mut out = vec![BLANK; 6];
         let rays = rays(5.0, 3.0, 2.0, 1.0, width, height);
-        cloud(&depth, &rays, (&[0; 45], None), stride, &mut out).unwrap();
+        cloud(&depth, &rays, &[0; 45], None, stride, &mut out).unwrap();
         assert_eq!(cloud_size(ImageSize { width, height }, stride), ImageSize::new(3, 2));
         assert_eq!(out.iter().map(|point| point.z).collect::<Vec<_>>(), [1.0, 3.0, 5.0, 11.0, 13.0, 15.0]);
     }
@@ -207,7 +208,7 @@ mod tests {
     fn a_buffer_of_another_size_is_refused_by_name() {
         let rays = rays(2.0, 2.0, 0.5, 0.5, 2, 2);
         let mut out = [BLANK; 4];
-        let error = cloud(&[1.0; 4], &rays, (&[0; 11], None), ONE, &mut out).unwrap_err();
+        let error = cloud(&[1.0; 4], &rays, &[0; 11], None, ONE, &mut out).unwrap_err();
         let expected = CloudError::Size { buffer: "rgb", got: 11, expected: 12, width: 2, height: 2 };
         assert_eq!(error, expected);
     }
@@ -228,7 +229,7 @@ mod tests {
                 cloud_size(ImageSize { width, height }, stride);
             let mut out = vec![BLANK; (cloud_width * cloud_height) as usize];
             let rays = RayTable::new(&Camera::pinhole(full));
-            cloud(&depth_m, &rays, (&vec![0; 3 * pixels], None), stride, &mut out).unwrap();
+            cloud(&depth_m, &rays, &vec![0; 3 * pixels], None, stride, &mut out).unwrap();
 
             let kept = full.subsampled(stride);
             prop_assert_eq!((kept.width, kept.height), (cloud_width, cloud_height));

@@ -77,7 +77,7 @@ impl Decoder {
         if let Some(floor) = &mut self.floor {
             let labels = labels.as_deref().or(network.appearance(frame).labels);
             let confidence = confidence.as_deref().or(network.confidence());
-            self.scale = floor.correct(depth, (labels, confidence), self.own_scale);
+            self.scale = floor.correct(depth, labels, confidence, self.own_scale);
         }
         invalid
     }

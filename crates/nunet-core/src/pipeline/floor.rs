@@ -47,7 +47,8 @@ impl FloorScale {
     pub(super) fn correct(
         &mut self,
         depth_m: &mut [f32],
-        (labels, confidence): (Option<&[u8]>, Option<&[u8]>),
+        labels: Option<&[u8]>,
+        confidence: Option<&[u8]>,
         base: Scale,
     ) -> Scale {
         let found = self.gauge.measure(&DepthImage { depth_m, labels, confidence });

@@ -17,8 +17,8 @@
 //! let size = ImageSize::new(64, 48);
 //! let rgb: Vec<u8> = (0..64 * 48 * 3).map(|i| if i / 3 % 4 < 2 { 200 } else { 50 }).collect();
 //! let mut gauge = StabilityGauge::default();
-//! assert_eq!(gauge.update((&rgb, size), (&vec![2.0; 64 * 48], size)), None, "the first frame");
-//! let change = gauge.update((&rgb, size), (&vec![2.2; 64 * 48], size)).expect("the image did not change");
+//! assert_eq!(gauge.update(&rgb, size, &vec![2.0; 64 * 48], size), None, "the first frame");
+//! let change = gauge.update(&rgb, size, &vec![2.2; 64 * 48], size).expect("the image did not change");
 //! assert!((change.drift - 0.1).abs() < 1e-6 && change.flicker < 1e-6);
 //! ```
 
@@ -78,19 +78,21 @@ impl StabilityGauge {
         self.sizes = None;
     }
 
-    /// Compares a frame with the last one. `image` is `[H, W, 3]`, 8 bits; `depth` is `[H, W]` of any size,
+    /// Compares a frame with the last one. `rgb` is `[H, W, 3]`, 8 bits; `depth_m` is `[H, W]` of any size,
     /// whose values count if they are finite and positive. Both show the same view.
     ///
     /// `None` for the first frame, after another size, when the image changed (the camera moves, the light
     /// changes), and without texture or depth. Allocates nothing.
     pub fn update(
         &mut self,
-        image: (&[u8], ImageSize),
-        depth: (&[f32], ImageSize),
+        rgb: &[u8],
+        image_size: ImageSize,
+        depth_m: &[f32],
+        depth_size: ImageSize,
     ) -> Option<StabilityChange> {
-        let sizes = (image.1, depth.1);
+        let sizes = (image_size, depth_size);
         let fits = |values: usize, size: ImageSize| size.pixel_count() > 0 && values >= size.pixel_count();
-        if !fits(image.0.len() / 3, image.1) || !fits(depth.0.len(), depth.1) {
+        if !fits(rgb.len() / 3, image_size) || !fits(depth_m.len(), depth_size) {
             self.reset();
             return None;
         }
@@ -98,7 +100,7 @@ impl StabilityGauge {
         self.changes.clear();
         let (mut textured, mut still) = (0_usize, 0_usize);
         for (index, last) in self.last.iter_mut().enumerate() {
-            let point = Point::of(index, image, depth);
+            let point = Point::of(index, rgb, image_size, depth_m, depth_size);
             let is_unchanged = (0..3).all(|i| difference(point.rgb[i], last.rgb[i]) <= MAX_CHANGE);
             textured += usize::from(last.is_textured);
             still += usize::from(last.is_textured & is_unchanged);
@@ -121,7 +123,7 @@ impl StabilityGauge {
 
 impl Point {
     /// The point at the center of a cell of the grid.
-    fn of(index: usize, (rgb, size): (&[u8], ImageSize), (depth_m, depth_size): (&[f32], ImageSize)) -> Self {
+    fn of(index: usize, rgb: &[u8], size: ImageSize, depth_m: &[f32], depth_size: ImageSize) -> Self {
         let [x, y] = pixel(index, size);
         let (width, height) = (size.width as usize, size.height as usize);
         let at = |x: usize, y: usize| {

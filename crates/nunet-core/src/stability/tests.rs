@@ -23,7 +23,7 @@ fn depth(of: impl Fn(usize) -> f32) -> Vec<f32> {
 }
 
 fn update(gauge: &mut StabilityGauge, rgb: &[u8], depth_m: &[f32]) -> Option<StabilityChange> {
-    gauge.update((rgb, IMAGE), (depth_m, DEPTH))
+    gauge.update(rgb, IMAGE, depth_m, DEPTH)
 }
 
 /// What the second of two frames gives.
@@ -131,11 +131,11 @@ fn a_reset_another_size_and_a_short_buffer_start_again() {
     assert!(update(&mut gauge, &rgb, &depth_m).is_some());
     gauge.reset();
     assert_eq!(update(&mut gauge, &rgb, &depth_m), None);
-    assert_eq!(gauge.update((&rgb, IMAGE), (&full, IMAGE)), None, "another size of depth");
-    assert!(gauge.update((&rgb, IMAGE), (&full, IMAGE)).is_some());
-    assert_eq!(gauge.update((&rgb[1..], IMAGE), (&full, IMAGE)), None, "a short buffer");
-    assert_eq!(gauge.update((&rgb, IMAGE), (&full, IMAGE)), None);
-    assert_eq!(gauge.update((&[], ImageSize::new(0, 0)), (&[], ImageSize::new(0, 0))), None);
+    assert_eq!(gauge.update(&rgb, IMAGE, &full, IMAGE), None, "another size of depth");
+    assert!(gauge.update(&rgb, IMAGE, &full, IMAGE).is_some());
+    assert_eq!(gauge.update(&rgb[1..], IMAGE, &full, IMAGE), None, "a short buffer");
+    assert_eq!(gauge.update(&rgb, IMAGE, &full, IMAGE), None);
+    assert_eq!(gauge.update(&[], ImageSize::new(0, 0), &[], ImageSize::new(0, 0)), None);
 }
 
 #[test]
@@ -143,6 +143,6 @@ fn an_image_of_one_pixel_is_unknown() {
     let one = ImageSize::new(1, 1);
     let mut gauge = StabilityGauge::default();
     for _ in 0..2 {
-        assert_eq!(gauge.update((&[1, 2, 3], one), (&[1.0], one)), None);
+        assert_eq!(gauge.update(&[1, 2, 3], one, &[1.0], one), None);
     }
 }

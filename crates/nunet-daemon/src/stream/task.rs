@@ -293,7 +293,7 @@ impl StreamTask {
         let queue_micros = micros_between(frame.ready_nanos, taken_nanos);
         let processed_nanos = MonotonicClock.nanos();
         self.publisher.publish(loans, frame, &report, queue_micros)?;
-        self.account(frame, &report, (queue_micros, processed_nanos), with_obstacles);
+        self.account(frame, &report, queue_micros, processed_nanos, with_obstacles);
         Ok(())
     }
 
@@ -327,7 +327,8 @@ impl StreamTask {
         &mut self,
         frame: &Frame,
         report: &FrameReport,
-        (queue_micros, processed_nanos): (u32, u64),
+        queue_micros: u32,
+        processed_nanos: u64,
         with_obstacles: bool,
     ) {
         let now_nanos = MonotonicClock.nanos();

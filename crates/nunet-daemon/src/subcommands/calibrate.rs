@@ -66,8 +66,7 @@ pub(crate) fn calibrate(options: &CalibrateOptions) -> anyhow::Result<Outcome> {
     let mut print = |event: Event<'_>| printer.print(event);
     let collected = match &options.evidence {
         Evidence::Frames(source, reference) => {
-            let rotation = options.geometry.rotation;
-            take_frames(&mut calibrator, (source, rotation), *reference, &stop)
+            take_frames(&mut calibrator, source, options.geometry.rotation, *reference, &stop)
         }
         Evidence::Readings(path) => calibrator.add_readings(path, &mut print).map_err(explained),
         Evidence::Truth(truth) => calibrator.add_truth(truth, &mut print).map_err(explained),
@@ -135,7 +134,8 @@ impl FrameHandler for Taker<'_> {
 
 fn take_frames(
     calibrator: &mut Calibrator,
-    (source, rotation): (&SourceConfig, Option<Rotation>),
+    source: &SourceConfig,
+    rotation: Option<Rotation>,
     reference: Reference,
     stop: &Stop,
 ) -> anyhow::Result<()> {
@@ -147,8 +147,7 @@ fn take_frames(
         ..source.open_options()
     };
     let mut opened = source.name.open(how)?;
-    let limit = source.frames.or(NonZeroU64::new(FRAMES));
-    let pace = Pace { limit, ..Pace::of(source) };
+    let pace = Pace { limit: source.frames.or(NonZeroU64::new(FRAMES)), ..Pace::of(source) };
     let mut taker = Taker { calibrator, reference, frames: 0 };
     drive(&mut *opened, pace, stop, &mut taker)?;
     match taker.frames {

@@ -45,8 +45,8 @@ pub(crate) fn tune(options: &TuneOptions) -> anyhow::Result<Outcome> {
     let frame = image_or_demo(options.image.as_deref())?;
     let engine = Engine::start(options.engine.clone())?;
     let mut combinations = Vec::new();
-    for combination in options.engine.combinations(&engine.runtime().providers()) {
-        match Combination::load(combination, options) {
+    for (provider, threads) in options.engine.combinations(&engine.runtime().providers()) {
+        match Combination::load(provider, threads, options) {
             Ok(combination) => combinations.push(combination),
             Err(error) => warn!("skipped: {error:#}"),
         }
@@ -88,7 +88,7 @@ struct Combination {
 }
 
 impl Combination {
-    fn load((provider, threads): (Provider, NonZeroUsize), options: &TuneOptions) -> anyhow::Result<Self> {
+    fn load(provider: Provider, threads: NonZeroUsize, options: &TuneOptions) -> anyhow::Result<Self> {
         let engine = EngineOptions { provider, threads: Some(threads), ..options.engine.clone() };
         let load = || -> anyhow::Result<Subject> {
             let loaded = load(&Engine::start(engine.clone())?, &options.model)?;

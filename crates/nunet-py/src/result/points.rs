@@ -102,6 +102,6 @@ impl Result {
         let confidence = self.confidence.as_ref().map(|values| values.bind(py).try_readonly()).transpose()?;
         let confidence = confidence.as_ref().map(|values| values.as_slice()).transpose()?;
         let image = DepthImage { depth_m: depth.as_slice()?, labels, confidence };
-        PyObstacles::of_depth(py, &image, (&camera, mount), &classes, options)
+        PyObstacles::of_depth(py, &image, &camera, mount, &classes, options)
     }
 }
