@@ -17,7 +17,7 @@ from nunet_models.export.onnx_file import read_metadata
 from nunet_models.training.validate import predictions
 from nunet_models.zoo import SerialGraph
 from nunet_models.zoo.checkpoint import Checkpoint
-from nunet_models.zoo.component import Component
+from nunet_models.zoo.component import build_component
 from nunet_models.zoo.recurrent import RECURRENT
 from nunet_models.zoo.spec import ComponentSpec
 from nunet_models.zoo.weights import begin_with
@@ -78,8 +78,8 @@ def test_a_resumed_epoch_continues_with_the_batches_that_are_left():
 def recurrent(recurrence, size=SIZE):
     torch.manual_seed(0)
     spec = ComponentSpec("depth", "depth", "tiny", decoder_channels=TINY_DECODER)
-    spec = spec.changed(memory=8, recurrence=recurrence)
-    return Component(spec, in_channels=3, out_channels=1, size=size)
+    spec = spec.changed(state_units=8, recurrence=recurrence)
+    return build_component(spec, in_channels=3, out_channels=1, size=size)
 
 
 @pytest.mark.parametrize("recurrence", ["lstm", "gru"])
@@ -108,16 +108,16 @@ def test_batch_norm_has_the_statistics_of_all_frames_of_a_step():
 @pytest.mark.parametrize("recurrence", ["lstm", "gru"])
 def test_what_only_the_first_frame_shows_is_learned_for_the_later_ones(recurrence):
     torch.manual_seed(0)
-    memory = RECURRENT[recurrence](2, 8)
-    optimizer = torch.optim.Adam(memory.parameters(), lr=2e-2)
+    layer = RECURRENT[recurrence](2, 8)
+    optimizer = torch.optim.Adam(layer.parameters(), lr=2e-2)
     losses = []
     for _ in range(200):
         level = torch.randint(0, 2, (32, 1, 1, 1)) * 2.0 - 1.0
-        state = tuple(torch.zeros(32, 8, 1, 1) for _ in memory.state)
-        _, *state = memory(level.expand(32, 2, 1, 1), *state)
+        state = tuple(torch.zeros(32, 8, 1, 1) for _ in layer.state)
+        _, *state = layer(level.expand(32, 2, 1, 1), *state)
         error = 0.0
         for noise in 0.3 * torch.randn(2, 32, 2, 1, 1):
-            answer, *state = memory(noise, *state)
+            answer, *state = layer(noise, *state)
             error = error + (answer - noise - level).square().mean() / 2
         optimizer.zero_grad()
         error.backward()

@@ -12,7 +12,7 @@ from nunet_models.export.collections import TINY_ARCHITECTURES, tiny_spec
 from nunet_models.export.metadata import describe_components
 from nunet_models.zoo import PAPER_DECODER, GraphSpec, SerialGraph, graph_spec
 from nunet_models.zoo.backbones import build_unet
-from nunet_models.zoo.spec import decoder_channels, decoder_name
+from nunet_models.zoo.spec import ComponentSpec, decoder_channels, decoder_name
 from nunet_models.zoo.weights import begin_with, imagenet_encoder, like_component
 
 
@@ -34,6 +34,26 @@ def test_every_architecture_gives_raw_numbers_of_its_size(architecture):
 def test_a_spec_survives_json(architecture):
     spec = tiny_spec(architecture)
     assert GraphSpec.from_json(json.loads(json.dumps(spec.to_json()))) == spec
+
+
+def test_the_units_of_a_state_have_the_key_that_they_always_had_in_checkpoints():
+    written = tiny_spec("wnet_c_lstm").to_json()["components"]
+    assert [component["memory"] for component in written] == [0, 4]
+    assert not any("state_units" in component for component in written)
+
+
+def test_a_component_of_an_older_file_has_the_default_of_what_the_file_lacks():
+    older = {"name": "depth", "task": "depth", "backbone": "tiny", "decoder_channels": [8] * 5}
+    assert ComponentSpec.from_json(older) == ComponentSpec(
+        "depth", "depth", "tiny", decoder_channels=(8,) * 5
+    )
+    assert ComponentSpec.from_json({**older, "memory": 3}).state_units == 3
+
+
+def test_a_state_of_a_network_without_a_bottleneck_is_refused():
+    with pytest.raises(ConfigError, match=r"`depth` of `wnet_c_lstm`.* backbone `cnn`") as raised:
+        graph_spec("wnet_c_lstm", backbone="tiny,cnn")
+    assert raised.value.hint
 
 
 def test_the_paper_s_networks_have_its_parameter_counts():

@@ -59,7 +59,7 @@ def tiny_spec(architecture: str) -> GraphSpec:
     components = tuple(
         component.changed(
             width=TINY_WIDTH,
-            memory=min(component.memory, 4),
+            state_units=min(component.state_units, 4),
         )
         for component in spec.components
     )

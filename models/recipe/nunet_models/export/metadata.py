@@ -49,7 +49,7 @@ def metadata(
     }
     if any(c.task == "segmentation" for c in spec.components):
         values["nunet.classes"] = list(spec.classes)
-    if spec.components[-1].memory:
+    if spec.components[-1].is_recurrent:
         last = graph.components[-1]
         values["nunet.state"] = [
             {"input": given, "output": taken, "shape": list(tensor.shape)}

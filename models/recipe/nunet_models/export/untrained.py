@@ -10,6 +10,7 @@ from torch import nn
 
 from nunet_models.export.measure import image_of
 from nunet_models.zoo import GraphSpec, SerialGraph
+from nunet_models.zoo.component import RecurrentComponent
 from nunet_models.zoo.deploy import ToInner
 
 MEAN_DEPTH_M = 2.7  # about the mean of indoor images
@@ -46,7 +47,7 @@ def _randomize_state(component: nn.Module) -> None:
     Training starts with a state that adds zero. No test could then tell a state that is carried
     from one that is lost.
     """
-    if hasattr(component, "memory"):
+    if isinstance(component, RecurrentComponent):
         nn.init.normal_(component.memory.widen.weight, std=STATE_SPREAD)
 
 

@@ -118,7 +118,7 @@ def _graph_spec(options: argparse.Namespace, before: Checkpoint | None) -> Graph
 
 def _check_frames(options: argparse.Namespace, spec: GraphSpec) -> None:
     """Refuse single images for a recurrent component, and windows for one without a state."""
-    recurrent = spec.component(options.component).memory > 0
+    recurrent = spec.component(options.component).is_recurrent
     if recurrent and options.frames == 1:
         raise OptionError(
             f"`--component {options.component}` of `{spec.architecture}` is recurrent; single "

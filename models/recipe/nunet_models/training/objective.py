@@ -100,7 +100,7 @@ class ComponentObjective:
 
     def _raw(self, module: nn.Module, x: torch.Tensor) -> torch.Tensor:
         """Raw numbers of a component; with `frames` above 1, a recurrent one carries its state."""
-        if self.settings.frames > 1 and module.spec.memory:
+        if self.settings.frames > 1 and module.spec.is_recurrent:
             return module.over_frames(x, self.settings.frames)
         return module(x)
 

@@ -65,7 +65,7 @@ def predictions(
     graph without one. A recurrent component carries its state from frame to frame of a video.
     """
     spec = graph.spec
-    if spec.components[component].memory:
+    if spec.components[component].is_recurrent:
         batch = 1
     size = tuple(data.depth.shape[1:])
     task = spec.components[component].task
@@ -100,7 +100,7 @@ class _Stream:
 
     def __init__(self, graph: SerialGraph, component: int, ids: Sequence[str]) -> None:
         self.graph, self.component = graph, component
-        self.recurrent = graph.spec.components[component].memory > 0
+        self.recurrent = graph.spec.components[component].is_recurrent
         self.videos, self.video = iter(map(video_of, ids)), None
 
     def __call__(self, image: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor | None]:

@@ -1,6 +1,8 @@
-"""One component of a serial graph: a U-Net, or one of the paper's dense systems."""
+"""One component of a serial graph: a U-Net, with a state or without, or a dense system."""
 
+from abc import ABC, abstractmethod
 from itertools import chain
+from typing import Self
 
 import torch
 from torch import nn
@@ -17,11 +19,71 @@ State = tuple[torch.Tensor, ...]
 """What a component's LSTM or GRU carries, each `[B, units, h, w]` of the encoder's last map."""
 
 
-class Component(nn.Module):
+def build_component(
+    spec: ComponentSpec, *, in_channels: int, out_channels: int, size: tuple[int, int]
+) -> "Component":
+    """The component that `spec` describes, for images of `size`, (height, width)."""
+    if spec.backbone in DENSE:
+        return DenseComponent(spec, in_channels=in_channels, out_channels=out_channels, size=size)
+    if spec.is_recurrent:
+        return RecurrentComponent(
+            spec, in_channels=in_channels, out_channels=out_channels, size=size
+        )
+    return UNetComponent(spec, in_channels=in_channels, out_channels=out_channels)
+
+
+class Component(nn.Module, ABC):
     """`[B, in, h, w]` to raw numbers `[B, out, h, w]`.
 
     Raw numbers are logits (segmentation, objectness) or the head's linear output (depth, normals).
+    The names of its parts are those of the weights in checkpoints.
     """
+
+    def __init__(self, spec: ComponentSpec) -> None:
+        super().__init__()
+        self.spec = spec
+
+    @property
+    @abstractmethod
+    def head(self) -> nn.Conv2d | nn.Linear:
+        """The last layer, which outputs the raw numbers."""
+
+    @property
+    def state_names(self) -> list[tuple[str, str]]:
+        """Input and output in the model file of each tensor of the state; without one, none."""
+        return []
+
+    def load_weights(self, weights: dict[str, torch.Tensor]) -> None:
+        """Take weights trained elsewhere.
+
+        # Errors
+        `ConfigError` when they are of another backbone, decoder or number of channels.
+        """
+        try:
+            self.load_state_dict(weights)
+        except RuntimeError as error:
+            raise ConfigError(
+                f"the weights do not fit component `{self.spec.name}` "
+                f"({self.spec.backbone}, decoder {self.spec.decoder_channels}): {error}"
+            ) from error
+
+    def freeze(self) -> None:
+        """Stop all learning here, batch-norm statistics included (see `train`)."""
+        self.requires_grad_(False)
+        self.eval()
+
+    @property
+    def frozen(self) -> bool:
+        """Whether no parameter of this component learns."""
+        return _is_frozen(self)
+
+    def train(self, mode: bool = True) -> Self:
+        """Enter or leave training; a frozen component stays as it is evaluated."""
+        return super().train(mode and not self.frozen)
+
+
+class DenseComponent(Component):
+    """One of the paper's systems that end in dense layers (`zoo.dense`)."""
 
     def __init__(
         self,
@@ -31,14 +93,26 @@ class Component(nn.Module):
         out_channels: int,
         size: tuple[int, int],
     ) -> None:
-        super().__init__()
-        self.spec = spec
-        self.size = size
-        if spec.backbone in DENSE:
-            self.dense = DENSE[spec.backbone](
-                in_channels=in_channels, out_channels=out_channels, size=size, width=spec.width
-            )
-            return
+        super().__init__(spec)
+        self.dense = DENSE[spec.backbone](
+            in_channels=in_channels, out_channels=out_channels, size=size, width=spec.width
+        )
+
+    @property
+    def head(self) -> nn.Linear:
+        """The last layer, which outputs the raw numbers."""
+        return self.dense.head
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        """Raw numbers of one image."""
+        return self.dense(x)
+
+
+class UNetComponent(Component):
+    """A U-Net; with `latent` channels, one whose decoder reads such a map alone."""
+
+    def __init__(self, spec: ComponentSpec, *, in_channels: int, out_channels: int) -> None:
+        super().__init__(spec)
         self.unet = build_unet(
             spec.backbone,
             in_channels=in_channels,
@@ -51,32 +125,14 @@ class Component(nn.Module):
         if spec.latent:
             self.adapter = adapter(self.unet.encoder.out_channels[-1], spec.latent)
             self.unet.decoder = SkiplessDecoder(spec.latent, spec.decoder_channels)
-        if spec.memory:
-            channels = self.unet.encoder.out_channels[-1]
-            self.memory = RECURRENT[spec.recurrence](channels, spec.memory)
-            self.bottleneck = _last_map(self.unet.encoder, in_channels, size)
 
     @property
-    def head(self) -> nn.Conv2d | nn.Linear:
+    def head(self) -> nn.Conv2d:
         """The last layer, which outputs the raw numbers."""
-        return self.dense.head if hasattr(self, "dense") else self.unet.segmentation_head[0]
-
-    @property
-    def state_names(self) -> list[tuple[str, str]]:
-        """Input and output in the model file of each tensor of the state, float32.
-
-        Zeros go in before the first frame and after every discontinuity of the stream; each output
-        is the next frame's input.
-        """
-        names = self.memory.state if self.spec.memory else ()
-        return [(f"{name}_in", f"{name}_out") for name in names]
+        return self.unet.segmentation_head[0]
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        """Raw numbers of one image, or of the first of a stream."""
-        if hasattr(self, "dense"):
-            return self.dense(x)
-        if self.spec.memory:
-            return self.with_state(x, self.no_state(len(x)))[0]
+        """Raw numbers of one image."""
         return self._decoded(self.unet.encoder(x))
 
     def with_maps(self, x: torch.Tensor) -> tuple[torch.Tensor, list[torch.Tensor]]:
@@ -95,6 +151,56 @@ class Component(nn.Module):
             found = block(found, height, width, skip_connection=skip)
             maps.append(found)
         return self.unet.segmentation_head(self.dropout(found)), maps
+
+    def _decoded(self, maps: list[torch.Tensor]) -> torch.Tensor:
+        maps = [*maps[:-1], self.adapter(maps[-1])]
+        return self.unet.segmentation_head(self.dropout(self.unet.decoder(maps)))
+
+    def freeze_decoder(self) -> None:
+        """Stop all learning of decoder and head; encoder and adapter still learn."""
+        for part in (self.unet.decoder, self.unet.segmentation_head):
+            part.requires_grad_(False)
+        self.train(self.training)
+
+    def train(self, mode: bool = True) -> Self:
+        """Enter or leave training; what is frozen, decoder or all, stays as it is evaluated."""
+        super().train(mode)
+        if _is_frozen(self.unet.decoder):
+            self.unet.decoder.eval()
+        return self
+
+
+class RecurrentComponent(UNetComponent):
+    """A U-Net with a convolutional LSTM or GRU at the bottleneck (`zoo.recurrent`).
+
+    This part is called `memory` in checkpoints and in the names of a model file's weights.
+    """
+
+    def __init__(
+        self,
+        spec: ComponentSpec,
+        *,
+        in_channels: int,
+        out_channels: int,
+        size: tuple[int, int],
+    ) -> None:
+        super().__init__(spec, in_channels=in_channels, out_channels=out_channels)
+        channels = self.unet.encoder.out_channels[-1]
+        self.memory = RECURRENT[spec.recurrence](channels, spec.state_units)
+        self.bottleneck = _last_map(self.unet.encoder, in_channels, size)
+
+    @property
+    def state_names(self) -> list[tuple[str, str]]:
+        """Input and output in the model file of each tensor of the state, float32.
+
+        Zeros go in before the first frame and after every discontinuity of the stream; each output
+        is the next frame's input.
+        """
+        return [(f"{name}_in", f"{name}_out") for name in self.memory.state]
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        """Raw numbers of the first image of a stream."""
+        return self.with_state(x, self.no_state(len(x)))[0]
 
     def with_state(self, x: torch.Tensor, state: State) -> tuple[torch.Tensor, State]:
         """Raw numbers of the next image of a stream, and the state to pass with the one after."""
@@ -119,49 +225,8 @@ class Component(nn.Module):
 
     def no_state(self, batch: int = 1) -> State:
         """The state before the first image: zeros."""
-        shape = (batch, self.spec.memory, *self.bottleneck)
+        shape = (batch, self.spec.state_units, *self.bottleneck)
         return tuple(torch.zeros(shape) for _ in self.memory.state)
-
-    def _decoded(self, maps: list[torch.Tensor]) -> torch.Tensor:
-        maps = [*maps[:-1], self.adapter(maps[-1])]
-        return self.unet.segmentation_head(self.dropout(self.unet.decoder(maps)))
-
-    def load_weights(self, weights: dict[str, torch.Tensor]) -> None:
-        """Take weights trained elsewhere.
-
-        # Errors
-        `ConfigError` when they are of another backbone, decoder or number of channels.
-        """
-        try:
-            self.load_state_dict(weights)
-        except RuntimeError as error:
-            raise ConfigError(
-                f"the weights do not fit component `{self.spec.name}` "
-                f"({self.spec.backbone}, decoder {self.spec.decoder_channels}): {error}"
-            ) from error
-
-    def freeze(self) -> None:
-        """Stop all learning here, batch-norm statistics included (see `train`)."""
-        self.requires_grad_(False)
-        self.eval()
-
-    def freeze_decoder(self) -> None:
-        """Stop all learning of decoder and head; encoder and adapter still learn."""
-        for part in (self.unet.decoder, self.unet.segmentation_head):
-            part.requires_grad_(False)
-        self.train(self.training)
-
-    @property
-    def frozen(self) -> bool:
-        """Whether no parameter of this component learns."""
-        return _is_frozen(self)
-
-    def train(self, mode: bool = True) -> "Component":
-        """Enter or leave training; a frozen component or decoder stays as it is evaluated."""
-        super().train(mode and not self.frozen)
-        if self.spec.latent and _is_frozen(self.unet.decoder):
-            self.unet.decoder.eval()
-        return self
 
 
 def _is_frozen(module: nn.Module) -> bool:

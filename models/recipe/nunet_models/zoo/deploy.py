@@ -118,7 +118,7 @@ class FusedModel(nn.Module):
     @property
     def is_recurrent(self) -> bool:
         """Whether the graph carries a state from frame to frame."""
-        return self.network.spec.components[-1].memory > 0
+        return self.network.spec.components[-1].is_recurrent
 
     @property
     def input_names(self) -> list[str]:

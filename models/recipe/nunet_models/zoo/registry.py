@@ -8,7 +8,7 @@ from nunet_models.errors import ConfigError
 from nunet_models.zoo.autoencoder import LATENT
 from nunet_models.zoo.spec import LITE_DECODER, ComponentSpec, GraphSpec, Task
 
-MEMORY_UNITS = 64  # of W-Net Connected's convolutional LSTM or GRU
+STATE_UNITS = 64  # of W-Net Connected's convolutional LSTM or GRU
 
 
 def _unet(name: str, task: Task, backbone: str, *, connected: bool = True) -> ComponentSpec:
@@ -33,11 +33,11 @@ ARCHITECTURES: dict[str, Callable[[str], tuple[ComponentSpec, ...]]] = {
     "wnet_c": lambda b: (_segmentation(b), _unet("depth", "depth", b)),
     "wnet_c_lstm": lambda b: (
         _segmentation(b),
-        ComponentSpec("depth", "depth", b, memory=MEMORY_UNITS),
+        ComponentSpec("depth", "depth", b, state_units=STATE_UNITS),
     ),
     "wnet_c_gru": lambda b: (
         _segmentation(b),
-        ComponentSpec("depth", "depth", b, memory=MEMORY_UNITS, recurrence="gru"),
+        ComponentSpec("depth", "depth", b, state_units=STATE_UNITS, recurrence="gru"),
     ),
     # true depth to itself, and W-Net Connected whose second decoder is that of this autoencoder
     "autoencoder": lambda b: (ComponentSpec("depth", "depth", b, latent=LATENT, reads="depth"),),

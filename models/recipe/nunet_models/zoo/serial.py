@@ -4,7 +4,7 @@ import torch
 from torch import nn
 
 from nunet_models.zoo.autoencoder import DEPTH_PLANES
-from nunet_models.zoo.component import Component, State
+from nunet_models.zoo.component import Component, State, build_component
 from nunet_models.zoo.confidence import CONFIDENCE, ConfidenceHead
 from nunet_models.zoo.spec import GraphSpec
 
@@ -27,7 +27,7 @@ class SerialGraph(nn.Module):
             planes = DEPTH_PLANES if component.reads == "depth" else 3
             out_channels = spec.outputs_of(component)
             self.components.append(
-                Component(
+                build_component(
                     component,
                     in_channels=before + (planes if sees_image else 0),
                     out_channels=out_channels,

@@ -48,6 +48,10 @@ def decoder_name(channels: tuple[int, ...]) -> str:
     return names.get(channels) or ",".join(map(str, channels))
 
 
+_KEYS_IN_FILE = {"state_units": "memory"}
+"""Fields of a component whose key in a checkpoint is another: it has always been that one."""
+
+
 @dataclass(frozen=True)
 class ComponentSpec:
     """One U-Net of a serial graph.
@@ -55,8 +59,9 @@ class ComponentSpec:
     `connected` says whether it sees the image; the first component always does. `sigmoid_joint`
     keeps a final sigmoid on what the next component reads, as in the paper's code. `dropout` (of
     whole channels before the head) and `drop_path` (of encoder blocks) act in training only.
-    `backbone` may also be `cnn`, `rcnn1` or `rcnn`, whose hidden layers `width` scales. `memory` is
-    the number of units of a convolutional LSTM or GRU (`recurrence`) at the bottleneck, 0 for none.
+    `backbone` may also be `cnn`, `rcnn1` or `rcnn`, whose hidden layers `width` scales.
+    `state_units` is how many units the state of a convolutional LSTM or GRU (`recurrence`) at the
+    bottleneck has, 0 for none.
     With `latent` channels above 0, the decoder reads such a map alone, without skip connections,
     and `reads` is "depth" for the autoencoder that this decoder comes from (`zoo.autoencoder`).
     """
@@ -70,7 +75,7 @@ class ComponentSpec:
     drop_path: float = 0.0
     sigmoid_joint: bool = False
     width: float = 1.0
-    memory: int = 0
+    state_units: int = 0
     recurrence: Recurrence = "lstm"
     latent: int = 0
     reads: Reads = "image"
@@ -78,6 +83,22 @@ class ComponentSpec:
     def changed(self, **fields: object) -> Self:
         """The same component with some fields changed."""
         return replace(self, **fields)
+
+    @property
+    def is_recurrent(self) -> bool:
+        """Whether it carries a state from frame to frame."""
+        return self.state_units > 0
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON types, read back by `from_json`."""
+        return {_KEYS_IN_FILE.get(name, name): value for name, value in asdict(self).items()}
+
+    @classmethod
+    def from_json(cls, values: dict[str, Any]) -> Self:
+        """Rebuild a spec from `to_json`'s result; fields that a file lacks have their default."""
+        names = {in_file: name for name, in_file in _KEYS_IN_FILE.items()}
+        fields = {names.get(key, key): value for key, value in values.items()}
+        return cls(**{**fields, "decoder_channels": tuple(fields["decoder_channels"])})
 
 
 _LENGTH, _PLACE = r"(\d+(?:\.\d*)?)", r"(-?\d+(?:\.\d*)?)"
@@ -143,12 +164,13 @@ class GraphSpec:
             raise ConfigError(
                 f"the last component of `{self.architecture}` must be of task `depth`"
             )
-        if any(c.memory for c in self.components[:-1]):
+        if any(c.is_recurrent for c in self.components[:-1]):
             raise ConfigError("only the last component can be recurrent")
         for c in self.components:
-            if c.latent and c.backbone in DENSE:
+            if (c.latent or c.is_recurrent) and c.backbone in DENSE:
+                part = "decoder" if c.latent else "bottleneck"
                 raise ConfigError(
-                    f"component `{c.name}` of `{self.architecture}` has no U-Net decoder with "
+                    f"component `{c.name}` of `{self.architecture}` has no U-Net {part} with "
                     f"backbone `{c.backbone}`",
                     hint="`--backbone efficientnet_lite0` has one",
                 )
@@ -170,7 +192,7 @@ class GraphSpec:
     def may_have_confidence(self) -> bool:
         """Whether a confidence head could read the last component's decoder."""
         last = self.components[-1]
-        u_net = not last.memory and last.backbone not in DENSE
+        u_net = not last.is_recurrent and last.backbone not in DENSE
         return self.encoding == "metric" and u_net and not self.reads_depth
 
     @property
@@ -208,19 +230,15 @@ class GraphSpec:
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON types, read back by `from_json`."""
-        return asdict(self)
+        return {**asdict(self), "components": tuple(c.to_json() for c in self.components)}
 
     @classmethod
     def from_json(cls, values: dict[str, Any]) -> Self:
         """Rebuild a spec from `to_json`'s result, also after a round trip through JSON text."""
-        components = tuple(
-            ComponentSpec(**{**c, "decoder_channels": tuple(c["decoder_channels"])})
-            for c in values["components"]
-        )
         return cls(
             **{
                 **values,
-                "components": components,
+                "components": tuple(map(ComponentSpec.from_json, values["components"])),
                 "input_size": tuple(values["input_size"]),
                 "inner_size": tuple(values["inner_size"]),
                 "classes": tuple(values["classes"]),
