@@ -130,6 +130,14 @@ def test_logits_cross_the_joint_and_a_sigmoid_only_where_it_is_kept():
     assert torch.equal(joint, logits.sigmoid())
 
 
+def test_a_run_continues_from_the_raw_numbers_of_earlier_components():
+    graph = SerialGraph(tiny_spec("nunet3_c")).eval()
+    image = torch.randn(1, 3, 96, 128)
+    outputs = graph(image)
+    rest = graph.run(image, graph.components[2:], before=[-outputs[0], outputs[1]])
+    assert torch.equal(rest[0], -outputs[0]) and torch.equal(rest[2], outputs[2])
+
+
 def test_each_component_has_its_own_backbone():
     spec = graph_spec("nunet3_c", backbone="tiny,resnet18,mobilenet_v2")
     assert [c.backbone for c in spec.components] == ["tiny", "resnet18", "mobilenet_v2"]

@@ -2,9 +2,11 @@
 
 import json
 from dataclasses import asdict
+from functools import partial
 from typing import Any
 
 import torch
+from torch import nn
 from torch.utils.flop_counter import FlopCounterMode
 
 from nunet_models.zoo import GraphSpec, SerialGraph
@@ -74,22 +76,32 @@ def to_json(value: object) -> str:
 
 def describe_components(graph: SerialGraph) -> list[dict[str, Any]]:
     """Name, task, backbone, connection, parameters and measured GFLOP of every component."""
-    described = []
-    outputs: list[torch.Tensor] = []
-    image = torch.zeros(1, 3, *graph.spec.inner_size)
-    for index, (spec, module) in enumerate(
-        zip(graph.spec.components, graph.components, strict=True)
-    ):
-        with torch.no_grad(), FlopCounterMode(display=False) as counter:
-            outputs.append(module(graph.joint(image, outputs)))
-        described.append(
-            {
-                "name": spec.name,
-                "task": spec.task,
-                "backbone": spec.backbone,
-                "connected": spec.connected and index > 0,
-                "parameters": sum(p.numel() for p in module.parameters()),
-                "gflop": round(counter.get_total_flops() / 1e9, 4),
-            }
+    return [
+        {
+            "name": spec.name,
+            "task": spec.task,
+            "backbone": spec.backbone,
+            "connected": spec.connected and index > 0,
+            "parameters": sum(p.numel() for p in module.parameters()),
+            "gflop": round(operations / 1e9, 4),
+        }
+        for index, (spec, module, operations) in enumerate(
+            zip(graph.spec.components, graph.components, _operations(graph), strict=True)
         )
-    return described
+    ]
+
+
+def _operations(graph: SerialGraph) -> list[int]:
+    """Floating-point operations of every component for one image."""
+    counted = []
+
+    def run(module: nn.Module, x: torch.Tensor) -> torch.Tensor:
+        with FlopCounterMode(display=False) as counter:
+            raw = module(x)
+        counted.append(counter.get_total_flops())
+        return raw
+
+    with torch.no_grad():
+        image = torch.zeros(1, 3, *graph.spec.inner_size)
+        graph.run(image, [partial(run, module) for module in graph.components])
+    return counted

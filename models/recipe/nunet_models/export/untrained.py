@@ -4,12 +4,13 @@ Tests and benchmarks need them: constant depth could not detect a mirrored image
 """
 
 import math
+from functools import partial
 
 import torch
 from torch import nn
 
 from nunet_models.export.measure import image_of
-from nunet_models.zoo import GraphSpec, SerialGraph
+from nunet_models.zoo import Component, GraphSpec, SerialGraph
 from nunet_models.zoo.component import RecurrentComponent
 from nunet_models.zoo.deploy import ToInner
 
@@ -28,20 +29,22 @@ def untrained_graph(spec: GraphSpec, *, seed: int) -> SerialGraph:
     torch.manual_seed(seed)
     graph = SerialGraph(spec)
     image = ToInner(spec)(torch.from_numpy(image_of(spec)))
-    outputs: list[torch.Tensor] = []
     with torch.no_grad():
-        for component in graph.components:
-            x = graph.joint(image, outputs)
-            _randomize_state(component)
-            _settle_batch_norm(component, x)
-            _settle_head(component.head, component(x), spec)
-            outputs.append(component(x))
+        graph.run(image, [partial(_settled, component, spec) for component in graph.components])
         if graph.confidence is not None:
             _settle_confidence(graph, image)
     return graph
 
 
-def _randomize_state(component: nn.Module) -> None:
+def _settled(component: Component, spec: GraphSpec, x: torch.Tensor) -> torch.Tensor:
+    """Raw numbers of a component for `x`, on which its numbers are normalized first."""
+    _randomize_state(component)
+    _settle_batch_norm(component, x)
+    _settle_head(component.head, component(x), spec)
+    return component(x)
+
+
+def _randomize_state(component: Component) -> None:
     """Make the state visible in the output.
 
     Training starts with a state that adds zero. No test could then tell a state that is carried

@@ -1,5 +1,6 @@
 """What a run trains, and the loss of a batch: a component, or the confidence head alone."""
 
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -68,14 +69,12 @@ class ComponentObjective:
         """Cross-entropy of labels, the loss of depth that the settings name, or an inner task's."""
         image = network_input(self.graph.spec, batch, learning=True)
         with torch.autocast("cpu", torch.bfloat16, enabled=self.settings.bf16):
-            outputs: list[torch.Tensor] = []
             with torch.no_grad():
-                for module in frozen:
-                    outputs.append(module(self.graph.joint(image, outputs)))
-                if outputs and self.settings.joint_noise:
-                    outputs[-1] = self._disturbed(outputs[-1])
-            for module in trained:
-                outputs.append(self._raw(module, self.graph.joint(image, outputs)))
+                before = self.graph.run(image, frozen)
+                if before and self.settings.joint_noise:
+                    before[-1] = self._disturbed(before[-1])
+            calls = [partial(self._raw, module) for module in trained]
+            outputs = self.graph.run(image, calls, before=before)
         if self.segments:
             return self._label_loss(outputs[-1], batch)
         spec = self.graph.spec
@@ -144,12 +143,9 @@ class ConfidenceObjective:
         image = normalize(batch.rgb).contiguous(memory_format=torch.channels_last)
         with torch.autocast("cpu", torch.bfloat16, enabled=self.settings.bf16):
             with torch.no_grad():
-                outputs: list[torch.Tensor] = []
-                for module in self.graph.components[:-1]:
-                    outputs.append(module(self.graph.joint(image, outputs)))
-                raw, maps = self.graph.components[-1].with_maps(self.graph.joint(image, outputs))
+                outputs, maps = self.graph.with_maps(image)
             log_error = self.graph.component(CONFIDENCE)(maps)
-        return expected_error(log_error, raw, batch.depth_m)
+        return expected_error(log_error, outputs[-1], batch.depth_m)
 
     def score(self, metrics: dict[str, float]) -> float:
         """Negative area between the errors by confidence and by the oracle, after a median fit."""

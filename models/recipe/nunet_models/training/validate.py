@@ -121,10 +121,7 @@ def run_components(
     if graph.confidence is not None and component == len(graph.components) - 1:
         outputs, log_error = graph.with_confidence(image)
         return outputs[-1], log_error
-    outputs: list[torch.Tensor] = []
-    for module in graph.components[: component + 1]:
-        outputs.append(module(graph.joint(image, outputs)))
-    return outputs[-1], None
+    return graph.run(image, graph.components[: component + 1])[-1], None
 
 
 def _at_size(

@@ -1,5 +1,7 @@
 """N components in series: the network that trains, without the model file's byte tensors."""
 
+from collections.abc import Callable, Iterable, Sequence
+
 import torch
 from torch import nn
 
@@ -46,24 +48,39 @@ class SerialGraph(nn.Module):
 
     def forward(self, image: torch.Tensor) -> list[torch.Tensor]:
         """Image `[B, 3, h, w]`, normalized, to the raw numbers of every component in order."""
-        outputs: list[torch.Tensor] = []
-        for component in self.components:
-            outputs.append(component(self.joint(image, outputs)))
+        return self.run(image, self.components)
+
+    def run(
+        self,
+        image: torch.Tensor,
+        calls: Iterable[Callable[[torch.Tensor], torch.Tensor]],
+        *,
+        before: Sequence[torch.Tensor] = (),
+    ) -> list[torch.Tensor]:
+        """Raw numbers of the components in order: those of `before`, then the results of `calls`.
+
+        A call takes what its component reads and returns raw numbers. It is the component itself,
+        or a function that calls it.
+        """
+        outputs = list(before)
+        for call in calls:
+            outputs.append(call(self.joint(image, outputs)))
         return outputs
+
+    def with_maps(self, image: torch.Tensor) -> tuple[list[torch.Tensor], list[torch.Tensor]]:
+        """As `forward`, and the maps of the last component's decoder, the deepest first."""
+        outputs = self.run(image, self.components[:-1])
+        raw, maps = self.components[-1].with_maps(self.joint(image, outputs))
+        return [*outputs, raw], maps
 
     def with_confidence(self, image: torch.Tensor) -> tuple[list[torch.Tensor], torch.Tensor]:
         """As `forward`, and the logarithm of depth's expected relative error (`zoo.confidence`)."""
-        outputs: list[torch.Tensor] = []
-        for component in self.components[:-1]:
-            outputs.append(component(self.joint(image, outputs)))
-        raw, maps = self.components[-1].with_maps(self.joint(image, outputs))
-        return [*outputs, raw], self.confidence(maps)
+        outputs, maps = self.with_maps(image)
+        return outputs, self.confidence(maps)
 
     def with_state(self, image: torch.Tensor, state: State) -> tuple[list[torch.Tensor], State]:
         """As `forward`, for the next image of a stream; the last component carries the state."""
-        outputs: list[torch.Tensor] = []
-        for component in self.components[:-1]:
-            outputs.append(component(self.joint(image, outputs)))
+        outputs = self.run(image, self.components[:-1])
         raw, state = self.components[-1].with_state(self.joint(image, outputs), state)
         return [*outputs, raw], state
 
