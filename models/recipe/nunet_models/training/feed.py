@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -28,6 +28,9 @@ VALIDATION_BATCH = 8
 
 class Feed(Protocol):
     """Batches to train on and images to validate on."""
+
+    depth_error: ClassVar[str]
+    """The metric of depth that chooses the best checkpoint."""
 
     def images(self) -> int:
         """Images of an epoch."""
@@ -65,6 +68,8 @@ class FolderFeed:
     With `frames` above 1 the images are frames of videos, and an epoch has windows of so many.
     """
 
+    depth_error: ClassVar[str] = "rmse"
+
     train: Cached
     val: Cached
     show: Cached | None = None
@@ -82,7 +87,9 @@ class FolderFeed:
     def has(self, what: str) -> dict[str, bool]:
         """Whether the data have "labels" or "depth"."""
         named = {"training": self.train, "validation": self.val}
-        return {name: getattr(data, f"has_{what}") for name, data in named.items()}
+        if what == "depth":
+            return {name: data.has_depth for name, data in named.items()}
+        return {name: data.has_labels for name, data in named.items()}
 
     def epoch(
         self, graph: SerialGraph, settings: Settings, epoch: int, first: int
@@ -128,6 +135,8 @@ class FolderFeed:
 @dataclass
 class SetsFeed:
     """The cameras of a dataset list; an epoch draws `epoch_images` of them."""
+
+    depth_error: ClassVar[str] = "abs_rel"
 
     train: Mixture
     val: Mixture

@@ -29,12 +29,16 @@ class Objective(Protocol):
     frozen: list[nn.Module]
     trained: list[nn.Module]
 
+    def weigh_classes(self, feed: Feed) -> None:
+        """Take from the data of `feed` how much each class counts, before the first batch."""
+        ...
+
     def loss(self, batch: Batch, frozen: list, trained: list) -> torch.Tensor:
         """Loss of a batch; `frozen` and `trained` are the modules, compiled or not."""
         ...
 
-    def score(self, metrics: dict[str, float]) -> float:
-        """One number of a validation; more is better."""
+    def score(self, metrics: dict[str, float], feed: Feed) -> float:
+        """One number of a validation on `feed`; more is better."""
         ...
 
 
@@ -115,13 +119,11 @@ class ComponentObjective:
         kept = torch.rand(shape) >= self.settings.joint_noise
         return features * (scale * kept).to(features.dtype)
 
-    def score(self, metrics: dict[str, float]) -> float:
-        """MIoU of labels; negative RMSE of depth, or AbsRel of sets; an inner task's own."""
+    def score(self, metrics: dict[str, float], feed: Feed) -> float:
+        """MIoU of labels; the negative error of depth that `feed` names; an inner task's own."""
         if self.inner is not None:
             return self.inner.score(metrics)
-        if "miou" in metrics:
-            return metrics["miou"]
-        return -metrics["rmse"] if "mse" in metrics else -metrics["abs_rel"]
+        return metrics["miou"] if self.segments else -metrics[feed.depth_error]
 
 
 class ConfidenceObjective:
@@ -147,7 +149,7 @@ class ConfidenceObjective:
             log_error = self.graph.component(CONFIDENCE)(maps)
         return expected_error(log_error, outputs[-1], batch.depth_m)
 
-    def score(self, metrics: dict[str, float]) -> float:
+    def score(self, metrics: dict[str, float], feed: Feed) -> float:
         """Negative area between the errors by confidence and by the oracle, after a median fit."""
         return -metrics["area_median"]
 

@@ -193,7 +193,7 @@ class Trainer:
             shown = " ".join(f"{name} {value:.4f}" for name, value in metrics.items())
             tqdm.write(f"epoch {self.epoch}: {shown}")
         self.history.append({"epoch": self.epoch, **metrics})
-        score = [self.objective.score(row) for row in self.history]
+        score = [self.objective.score(row, self.feed) for row in self.history]
         if score[-1] == max(score):
             self.save(best=True)  # first: a run that ends in between repeats the epoch from `LAST`
         self.save()
