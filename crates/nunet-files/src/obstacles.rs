@@ -5,8 +5,10 @@ use nunet_types::{ObstacleMap, SectorState};
 
 use crate::color::draw_text;
 
-/// Pixels of one meter from above.
+/// Pixels of one meter from above, at most.
 const PX_PER_M: f32 = 80.0;
+/// Pixels of the range from above, at most: a longer range is drawn smaller, not on a larger image.
+const MAX_RADIUS_PX: f32 = 400.0;
 /// Pixels around an obstacle point that are colored, on each side.
 const POINT_PX: i64 = 1;
 
@@ -30,29 +32,47 @@ pub struct BirdsEye<'a>(pub ObstacleMap<'a>);
 impl BirdsEye<'_> {
     /// The robot's surroundings from above: forward is up, left is left, the robot is in the middle of the
     /// lower edge (of the image, if it sees behind itself). Green is free, gray unknown, red an obstacle,
-    /// orange a drop, purple remembered. A ring is one meter.
+    /// orange a drop, purple remembered. The image is at most 800 pixels wide. Rings are 1 m apart; 5 m if the
+    /// range is more than 10 m, 10 m if it is more than 30 m.
     #[must_use]
     pub fn draw(&self) -> RgbImage {
-        let radius = (self.0.max_range_m * PX_PER_M).round().clamp(1.0, 4000.0) as u32;
+        let px_per_m = self.px_per_m();
+        let radius = (self.0.max_range_m * px_per_m).round().clamp(1.0, MAX_RADIUS_PX) as u32;
         let end_rad = self.0.angle_min_rad + self.0.angle_step_rad * self.0.sectors.len() as f32;
         let sees_behind =
             self.0.angle_min_rad < -std::f32::consts::FRAC_PI_2 || end_rad > std::f32::consts::FRAC_PI_2;
         let height = if sees_behind { 2 * radius } else { radius };
         let mut image = RgbImage::from_fn(2 * radius, height, |column, row| {
-            let x = (radius as f32 - row as f32 - 0.5) / PX_PER_M;
-            let y = (radius as f32 - column as f32 - 0.5) / PX_PER_M;
+            let x = (radius as f32 - row as f32 - 0.5) / px_per_m;
+            let y = (radius as f32 - column as f32 - 0.5) / px_per_m;
             self.color(x, y)
         });
         for point in self.0.points {
-            let column = (radius as f32 - point.y * PX_PER_M) as i64;
-            let row = (radius as f32 - point.x * PX_PER_M) as i64;
+            let column = (radius as f32 - point.y * px_per_m) as i64;
+            let row = (radius as f32 - point.x * px_per_m) as i64;
             mark(&mut image, column, row, 0, Rgb([60, 0, 0]));
         }
-        for meters in 1..=self.0.max_range_m as u32 {
-            let above = (meters as f32 * PX_PER_M) as u32;
+        let rings = (self.0.max_range_m / self.ring_m()) as u32;
+        for meters in (1..=rings).map(|ring| ring as f32 * self.ring_m()) {
+            let above = (meters * px_per_m) as u32;
             draw_text(&mut image, &format!("{meters} m"), radius + 2, radius.saturating_sub(above) + 2);
         }
         image
+    }
+
+    fn px_per_m(&self) -> f32 {
+        PX_PER_M.min(MAX_RADIUS_PX / self.0.max_range_m)
+    }
+
+    /// Meters from ring to ring.
+    fn ring_m(&self) -> f32 {
+        if self.0.max_range_m > 30.0 {
+            10.0
+        } else if self.0.max_range_m > 10.0 {
+            5.0
+        } else {
+            1.0
+        }
     }
 
     /// The same as text for a terminal, [`BIRDS_EYE_ROWS`] lines. A cell is twice as high as wide; only the
@@ -84,8 +104,9 @@ impl BirdsEye<'_> {
     /// The color of a place on the floor, meters forward and to the left.
     fn color(&self, x: f32, y: f32) -> Rgb<u8> {
         let range_m = x.hypot(y);
-        let half_pixel = 0.5 / PX_PER_M;
-        let is_ring = range_m > 0.5 && (range_m - range_m.round()).abs() < half_pixel;
+        let (half_pixel, ring_m) = (0.5 / self.px_per_m(), self.ring_m());
+        let from_ring_m = (range_m - (range_m / ring_m).round() * ring_m).abs();
+        let is_ring = range_m > 0.5 * ring_m && from_ring_m < half_pixel;
         match self.place(x, y, 3.0 * half_pixel) {
             MapCell::TooFar => Rgb([255, 255, 255]),
             _ if is_ring => RING,
@@ -207,6 +228,31 @@ mod tests {
             *image.get_pixel((320.0 - y) as u32, (320.0 - x) as u32)
         };
         assert_eq!((pixel(-0.4, 1.2), pixel(0.4, 0.7)), (FREE, UNSEEN), "the obstacle is on the right");
+    }
+
+    #[test]
+    fn a_long_range_is_drawn_smaller_with_rings_farther_apart() {
+        let free = |range_m| {
+            [ObstacleSector { state: SectorState::Free.into(), range_m, ..ObstacleSector::UNKNOWN }]
+        };
+        // The range, the size of the image, a distance with a ring and one without.
+        for (max_range_m, size, ring_m, no_ring_m) in [
+            (5.0, (800, 400), 3.0, 3.5),
+            (10.0, (800, 400), 3.0, 3.5),
+            (20.0, (800, 400), 15.0, 3.0),
+            (50.0, (800, 400), 30.0, 15.0),
+        ] {
+            let sectors = free(max_range_m);
+            let view = BirdsEye(ObstacleMap {
+                sectors: &sectors,
+                points: &[],
+                angle_min_rad: -0.4,
+                angle_step_rad: 0.8,
+                max_range_m,
+            });
+            assert_eq!(view.draw().dimensions(), size, "{max_range_m}");
+            assert_eq!((view.color(ring_m, 0.0), view.color(no_ring_m, 0.0)), (RING, FREE), "{max_range_m}");
+        }
     }
 
     #[test]
