@@ -20,7 +20,7 @@ use crate::fit::Fit;
 use crate::metrics::LabelMetrics;
 use crate::obstacles::{ObstacleComparison, ObstacleEval};
 use crate::options::EvalOptions;
-use crate::report::{self, ImageRow, Measured, Report};
+use crate::report::{self, ImageRow, Measured, MeasuredScale, Report};
 use crate::reported::Reported;
 use crate::sheet::{self, SheetRow, chosen};
 use crate::sparsification::Sparsification;
@@ -263,7 +263,7 @@ impl Evaluation {
                 protocol: self.options.protocol,
                 images: self.rows.len() as u64,
                 skipped: self.skipped,
-                scale_source: report::scale_source(&self.rows),
+                scale: MeasuredScale::of(&self.rows, self.scale_mount.is_some()),
             },
             &self.pipeline,
             &self.comparison,

@@ -28,6 +28,9 @@ pub struct Report {
     depth_cap_m: f32,
     units: &'static str,
     scale_source: &'static str,
+    /// Images whose scale was measured on the floor; `None` if that was not requested.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    floor_images: Option<u64>,
     filters: Vec<String>,
     #[serde(rename = "pictures")]
     images: u64,
@@ -99,8 +102,30 @@ pub(crate) struct Measured {
     pub(crate) protocol: Protocol,
     pub(crate) images: u64,
     pub(crate) skipped: u64,
-    /// As [`scale_source`] returns it.
-    pub(crate) scale_source: &'static str,
+    pub(crate) scale: MeasuredScale,
+}
+
+/// Where the scale of the images comes from.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct MeasuredScale {
+    /// `mixed` if it differs, because only some images have a camera or show enough floor.
+    source: &'static str,
+    /// Images whose scale was measured on the floor; `None` if that was not requested.
+    floor_images: Option<u64>,
+}
+
+impl MeasuredScale {
+    /// That of the images in `rows`.
+    pub(crate) fn of(rows: &[ImageRow], uses_floor: bool) -> Self {
+        let mut sources = rows.iter().map(|row| row.scale_source);
+        let source = match sources.next() {
+            Some(first) if sources.all(|source| source == first) => first.name(),
+            _ => "mixed",
+        };
+        let is_measured = |row: &&ImageRow| row.scale_source == ScaleSource::Floor;
+        let floor_images = uses_floor.then(|| rows.iter().filter(is_measured).count() as u64);
+        Self { source, floor_images }
+    }
 }
 
 impl Report {
@@ -119,7 +144,8 @@ impl Report {
             protocol: what.protocol.name(),
             depth_cap_m: comparison.cap_m(),
             units: pipeline.scale().units.name(),
-            scale_source: what.scale_source,
+            scale_source: what.scale.source,
+            floor_images: what.scale.floor_images,
             filters: pipeline.filters().specs().map(|filter| filter.to_string()).collect(),
             images: what.images,
             skipped: what.skipped,
@@ -183,11 +209,13 @@ impl Report {
     }
 
     fn header(&self) -> String {
-        let Self { model, architecture, dataset, images, skipped, protocol, scale_source, .. } = self;
+        let Self { model, architecture, dataset, images, skipped, protocol, .. } = self;
+        let (images, scale) = (counted(*images, "image"), self.scale_source);
+        let floor = self.floor_images.map(|floor| format!(", measured on the floor of {floor} of {images}"));
         let title = format!(
-            "{} ({architecture}) on {dataset}: {}, {skipped} skipped, protocol {protocol}, scale {scale_source}",
+            "{} ({architecture}) on {dataset}: {images}, {skipped} skipped, protocol {protocol}, scale {scale}{}",
             model.name,
-            counted(*images, "image")
+            floor.unwrap_or_default()
         );
         format!("{}\n{:<15}{:>9}{:>12}\n", printable::one_line(&title), "", "network", "mean image")
     }
@@ -272,16 +300,6 @@ impl ImageRow {
     }
 }
 
-/// Where the scale of all images comes from: `mixed` if it differs, because only some have a camera or show
-/// enough floor.
-pub(crate) fn scale_source(rows: &[ImageRow]) -> &'static str {
-    let mut sources = rows.iter().map(|row| row.scale_source);
-    match sources.next() {
-        Some(first) if sources.all(|source| source == first) => first.name(),
-        _ => "mixed",
-    }
-}
-
 /// Writes one row per image; a value that could not be measured is empty.
 pub(crate) fn write_csv(path: &Path, rows: &[ImageRow]) -> Result<(), EvalError> {
     let written = write_whole(path, |file| {
@@ -297,4 +315,29 @@ pub(crate) fn write_csv(path: &Path, rows: &[ImageRow]) -> Result<(), EvalError>
         Ok(file.flush()?)
     });
     Ok(written?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_report_counts_the_images_whose_scale_is_from_the_floor() {
+        let row = |scale_source| ImageRow {
+            id: "a".to_owned(),
+            metric: true,
+            scale_source,
+            depth: None,
+            minmax: None,
+        };
+        let rows = [ScaleSource::Floor, ScaleSource::FocalScaled, ScaleSource::Floor].map(row);
+        let scale = |rows: &[ImageRow], uses_floor| {
+            let MeasuredScale { source, floor_images } = MeasuredScale::of(rows, uses_floor);
+            (source, floor_images)
+        };
+        assert_eq!(scale(&rows, true), ("mixed", Some(2)));
+        assert_eq!(scale(&rows[..1], true), ("floor", Some(1)));
+        assert_eq!(scale(&rows[1..2], true), ("focal_scaled", Some(0)), "no image shows enough floor");
+        assert_eq!(scale(&rows[1..2], false), ("focal_scaled", None), "the floor was not requested");
+    }
 }

@@ -14,6 +14,7 @@
 //! | [`stdout`] | results on standard output, and log lines |
 //! | [`metrics`], [`view`] | counts and latencies for Prometheus; frames for the live view |
 //! | [`empty_depth`] | a warning about depth maps without valid depth |
+//! | [`image_check`] | warnings about the results of a single image |
 //! | [`stats_record`] | counts and latencies as stored in shared memory |
 //! | [`watch_text`] | a frame and its stats as text |
 //! | [`stability`] | a warning about depth that drifts or flickers while the image does not change |
@@ -32,6 +33,7 @@ pub mod error_kind;
 pub mod file_plan;
 pub mod file_writer;
 pub mod frame_writer;
+pub mod image_check;
 pub mod image_encoder;
 pub mod last_frame;
 pub mod mavlink;

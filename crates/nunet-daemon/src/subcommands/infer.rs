@@ -208,7 +208,7 @@ impl Work {
         // The images are independent.
         self.pipeline.reset_with_scale();
         let report = self.pipeline.process(&self.frame.view()?, self.buffers.outputs(), &MonotonicClock)?;
-        nunet_sink::empty_depth::EmptyDepthWarning::default().check(0, &report, self.pipeline.size());
+        nunet_sink::image_check::warn_of_image(image, &report, &self.pipeline);
         let done_nanos = MonotonicClock.nanos();
         write_results(folder, &self.results(&report))?;
         self.write_obstacles(folder)?;
