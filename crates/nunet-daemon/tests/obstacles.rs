@@ -245,7 +245,7 @@ fn infer_does_not_remember_the_obstacles_of_another_image() {
     }
     let (near, far) = (bench.arg("near.png"), bench.arg("far.png"));
     let mut command = nunetd(&["-q", "infer", &near, &far, "--out", &out, "--model", &model]);
-    command.args(["--mount", MOUNT, "--hold", "1"]);
+    command.args(["--mount", MOUNT, "--obstacles"]);
     run_well(command);
     for (folder, is_occupied) in [("near", true), ("far", false)] {
         let text = std::fs::read_to_string(bench.path("out").join(folder).join("obstacles.json")).unwrap();
@@ -282,6 +282,9 @@ fn obstacles_without_a_place_or_with_an_impossible_one_are_refused_with_a_hint()
         (&["run", "--source", "demo", "--hold=-1", "--mount", MOUNT], "0 or more"),
         (&["run", "--source", "demo", "--hold", "1", "--mount", "0,0,1,0,-1.57,0"], "degrees up"),
         (&["infer", &image, "--out", &out, "--obstacles"], "pass --mount"),
+        (&["infer", &image, "--out", &out, "--hold", "1", "--mount", MOUNT], "--hold has no effect"),
+        (&["eval", "data", "--obstacles", "--hold", "1", "--mount", MOUNT], "--hold has no effect"),
+        (&["eval", "data", "--clip", "--hold", "0", "--mount", MOUNT], "--hold has no effect"),
         (&["replay", "a.mcap", "b.mcap", "--publish", "obstacles", "--mount", MOUNT], "finds no obstacles"),
     ] {
         let mut command = nunetd(arguments);

@@ -9,7 +9,8 @@ use tracing::warn;
 use crate::empty_depth::EmptyDepthWarning;
 
 /// What to check if the floor of an image gives no scale.
-const FLOOR_HINT: &str = "show floor in a tenth of the image or more, and check the mount: z is in meters, pitch in radians, and a positive pitch looks down";
+const FLOOR_HINT: &str = "show floor in a tenth of the image or more, and check the mount: z is in meters, \
+     pitch in radians, and a positive pitch looks down";
 
 /// Warns if `image` has no valid depth, or if the floor was to give the scale and does not.
 pub fn warn_of_image(image: &Path, report: &FrameReport, pipeline: &Pipeline) {

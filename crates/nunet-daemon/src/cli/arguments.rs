@@ -36,7 +36,7 @@ impl InferArgs {
         let (mount, engine) = (value(&self.obstacles.mount), self.engine.options());
         let processing = self.processing.config(mount)?;
         let max_range_m = processing.pipeline.max_range_m;
-        self.obstacles.check_mount(&processing.pipeline)?;
+        self.obstacles.check_used(&processing.pipeline)?;
         let obstacles = self.obstacles.options.config(mount, max_range_m, self.obstacles.obstacles)?;
         let obstacles = obstacles.filter(|obstacles| obstacles.is_required);
         let Self { images, out, model, .. } = self;

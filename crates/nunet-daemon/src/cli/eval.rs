@@ -100,7 +100,7 @@ impl EvalArgs {
     pub(crate) fn options(&self) -> Result<eval::EvalCommandOptions, BadArguments> {
         let ProcessingConfig { geometry, pipeline } =
             self.lens.config(&self.filters, value(&self.obstacles.mount))?;
-        self.obstacles.check_mount(&pipeline)?;
+        self.obstacles.check_used(&pipeline)?;
         let obstacles = self.obstacle_eval(pipeline.max_range_m)?;
         Ok(eval::EvalCommandOptions {
             evaluation: EvalOptions { obstacles, ..self.evaluation(geometry) },

@@ -26,15 +26,14 @@ pub struct ObstacleArgs {
     #[arg(long, value_name = "M")]
     pub robot_height: Option<Text<Distance>>,
     /// The number of directions in which obstacles are reported, over the field of view, 1 to 360; needs
-    /// --mount
-    /// [default: 72]
+    /// --mount [default: 72]
     #[arg(long, value_name = "N")]
     pub sectors: Option<Text<Count>>,
     /// The largest number of obstacle points, 1 to 5000; needs --mount [default: 5000]
     #[arg(long, value_name = "N")]
     pub obstacle_points: Option<Text<Count>>,
-    /// Remember an obstacle that leaves the image at the bottom for S seconds, 0 to 10; needs --mount
-    /// [default: 0]
+    /// Remember an obstacle that leaves the image at the bottom for S seconds, 0 to 10; needs --mount; not
+    /// for `infer` and `eval`, which find the obstacles of each image alone [default: 0]
     #[arg(long, value_name = "S")]
     pub hold: Option<Text<Seconds>>,
 }
@@ -58,14 +57,18 @@ pub struct ImageObstacleArgs {
 impl ImageObstacleArgs {
     /// Whether obstacles are asked for, by their own flag or by one about them.
     pub(super) fn are_wanted(&self) -> bool {
-        self.obstacles || self.options.is_given()
+        self.obstacles || self.options != ObstacleArgs::default()
     }
 
-    /// Refuses a mount that nothing uses.
+    /// Refuses flags that nothing uses.
     ///
     /// # Errors
-    /// Neither obstacles nor the scale need the mount that is given.
-    pub(super) fn check_mount(&self, pipeline: &PipelineOptions) -> Result<(), BadArguments> {
+    /// Obstacles were to be remembered, or neither obstacles nor the scale need the mount that is given.
+    pub(super) fn check_used(&self, pipeline: &PipelineOptions) -> Result<(), BadArguments> {
+        if self.options.hold.is_some() {
+            let message = "--hold has no effect: `infer` and `eval` find the obstacles of each image alone";
+            return Err(BadArguments::new(message).with_hint("remove --hold, or pass it to `run`"));
+        }
         let is_used = self.are_wanted() || matches!(pipeline.scale, ScaleMode::Floor(_));
         if is_used || self.mount.is_none() {
             return Ok(());
@@ -86,7 +89,7 @@ impl ObstacleArgs {
         max_range_m: Option<f32>,
         is_required: bool,
     ) -> Result<Option<ObstacleConfig>, BadArguments> {
-        let is_required = is_required || self.is_given();
+        let is_required = is_required || *self != Self::default();
         let Some(mount) = mount else {
             return if is_required { Err(without_mount("obstacles need")) } else { Ok(None) };
         };
@@ -100,15 +103,10 @@ impl ObstacleArgs {
             Err(error) if is_required => Err(BadArguments::of(&error)),
             // The pose may be for `/tf_static` alone.
             Err(error) => {
-                let hint = error.hint().map(std::borrow::Cow::into_owned);
-                warn!(hint, "obstacles are off: {error}");
+                warn!(hint = error.hint().as_deref(), "obstacles are off: {error}");
                 Ok(None)
             }
         }
-    }
-
-    fn is_given(&self) -> bool {
-        *self != Self::default()
     }
 
     /// What counts as an obstacle, unchecked.
