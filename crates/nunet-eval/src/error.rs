@@ -13,6 +13,7 @@ use nunet_files::FilesError;
 use nunet_source::{SourceError, SourceErrorKind};
 use nunet_types::{Hint, ImageSize};
 
+pub use crate::error_kind::EvalErrorKind;
 use crate::far_truth;
 use crate::image_name::ImageName;
 use crate::metrics::IGNORE;
@@ -148,10 +149,12 @@ pub enum EvalError {
         path: PathBuf,
     },
     /// An image without a row in `mounts.csv`.
-    #[error("`mounts.csv` has no row for the image `{id}`")]
+    #[error("`mounts.csv` has no row for the image `{id:.60}`, only for others such as `{other:.60}`")]
     NoMountOfImage {
         /// The image.
         id: String,
+        /// An image with a row.
+        other: String,
     },
     /// A file of mounts that cannot be used.
     #[error("cannot use `{}`: {reason}", path.display())]
@@ -160,6 +163,8 @@ pub enum EvalError {
         path: PathBuf,
         /// Why not.
         reason: String,
+        /// What to change.
+        hint: Option<Cow<'static, str>>,
     },
     /// Obstacles of a network whose depth has no unit.
     #[error("obstacles need depth in meters, and the model's depth has no unit")]
@@ -215,22 +220,6 @@ pub enum EvalError {
         /// Why it failed.
         source: Cause,
     },
-}
-
-/// A kind of [`EvalError`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-pub enum EvalErrorKind {
-    /// The dataset, a file or an option is wrong: other arguments would help.
-    Argument,
-    /// An image or a pair of images cannot be used.
-    Image,
-    /// There is no true depth to compare with.
-    Truth,
-    /// The network did not run.
-    Model,
-    /// A file or folder cannot be read or written.
-    System,
 }
 
 impl EvalError {
@@ -314,9 +303,15 @@ impl Hint for EvalError {
                 "count NYU's classes from 0; 39 is \"otherprop\" or unlabeled".into()
             }
             Self::ProtocolSize { .. } => "compare whole images, with the protocol `full`".into(),
-            Self::NoMount { .. } | Self::NoMountOfImage { .. } => {
+            Self::NoMount { .. } => {
                 "state one mount for all images, or a row `id,x,y,z,roll,pitch,yaw` for each".into()
             }
+            Self::NoMountOfImage { .. } => {
+                "write each id as the image's name without its extension, also with leading \
+                 zeros, or state one mount for all images"
+                    .into()
+            }
+            Self::Mounts { hint, .. } => return hint.clone(),
             Self::NoTruth => "check window and protocol, which exclude parts; 0 and NaN mean no depth".into(),
             Self::TruthOutOfRange { far_m, is_meters, .. } => far_truth::hint(*far_m, *is_meters),
             // Transparent: these are not in the chain of causes themselves.
@@ -333,7 +328,6 @@ impl Hint for EvalError {
             | Self::NoMean { .. }
             | Self::MeanSize { .. }
             | Self::NoMeters
-            | Self::Mounts { .. }
             | Self::NothingMeasured { .. }
             | Self::System { .. } => return None,
         })

@@ -1,16 +1,22 @@
 //! `mounts.csv`: the camera's mount for each image.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use nunet_core::camera::Mount;
+use nunet_core::camera::{Mount, MountError};
+use nunet_types::Hint as _;
 use serde::Deserialize;
 
 use super::table::{by_id, rows};
 use crate::error::{Cause, EvalError};
+use crate::text_file::read_list;
 
 /// The file in the dataset's folder.
 const FILE: &str = "mounts.csv";
+/// How to write it.
+const COLUMNS_HINT: &str = "write the columns `id,x,y,z,roll,pitch,yaw` (meters, radians), separated by \
+     commas, and a row for each image";
 
 /// A row: meters and radians, as in `--mount`.
 #[derive(Deserialize)]
@@ -24,6 +30,12 @@ struct MountRow {
     yaw: f64,
 }
 
+impl MountRow {
+    fn mount(&self) -> Result<Mount, MountError> {
+        Mount::new([self.x, self.y, self.z], [self.roll, self.pitch, self.yaw])
+    }
+}
+
 /// The camera's mounts by the images' ids.
 #[derive(Debug, Default)]
 pub(crate) struct ImageMounts(BTreeMap<String, Mount>);
@@ -31,30 +43,57 @@ pub(crate) struct ImageMounts(BTreeMap<String, Mount>);
 impl ImageMounts {
     /// Reads the mounts of the dataset in `root`. Without any it is an error only if they are required.
     pub(crate) fn read(root: &Path, are_required: bool) -> Result<Self, EvalError> {
-        let by_id = read(root)?;
-        if are_required && by_id.is_empty() {
+        let (by_id, path) = (read(root)?, root.join(FILE));
+        if !are_required || !by_id.is_empty() {
+            return Ok(Self(by_id));
+        }
+        if !path.exists() {
             return Err(EvalError::NoMount { path: root.to_owned() });
         }
-        Ok(Self(by_id))
+        let reason = "it has no rows, expected one for each image".to_owned();
+        Err(EvalError::Mounts { path, reason, hint: Some(COLUMNS_HINT.into()) })
     }
 
     /// The mount for an image; `all` is that of images without a row.
     pub(crate) fn of(&self, id: &str, all: Option<Mount>) -> Result<Mount, EvalError> {
         let mount = self.0.get(id).copied().or(all);
-        mount.ok_or_else(|| EvalError::NoMountOfImage { id: id.to_owned() })
+        mount.ok_or_else(|| {
+            let other = self.0.keys().next().cloned().unwrap_or_default();
+            EvalError::NoMountOfImage { id: id.to_owned(), other }
+        })
     }
 }
 
 /// The mounts by the images' ids; none if the dataset has no such file.
 fn read(root: &Path) -> Result<BTreeMap<String, Mount>, EvalError> {
     let path = root.join(FILE);
-    let mounts = rows(&path).and_then(|rows| by_id(rows.into_iter().map(mount)));
-    mounts.map_err(|error| EvalError::Mounts { path, reason: error.to_string() })
+    let wrong = |reason: String, hint| EvalError::Mounts { path: path.clone(), reason, hint };
+    let no_table = |error: Cause| wrong(error.to_string(), Some(Cow::Borrowed(COLUMNS_HINT)));
+    if path.exists() {
+        let text = read_list(&path).map_err(|error| wrong(error.to_string(), None))?;
+        check_separator(&text).map_err(no_table)?;
+    }
+    let table: Vec<MountRow> = rows(&path).map_err(no_table)?;
+    let mount = |row: MountRow| match row.mount() {
+        Ok(mount) => Ok((row.id, mount)),
+        Err(error) => Err(wrong(format!("image `{:.60}`: {error}", row.id), error.hint())),
+    };
+    let mounts = table.into_iter().map(mount).collect::<Result<Vec<_>, EvalError>>()?;
+    let twice = |error: Cause| wrong(error.to_string(), Some("keep one row for each image".into()));
+    by_id(mounts.into_iter().map(Ok)).map_err(twice)
 }
 
-fn mount(MountRow { id, x, y, z, roll, pitch, yaw }: MountRow) -> Result<(String, Mount), Cause> {
-    let mount = Mount::new([x, y, z], [roll, pitch, yaw]);
-    Ok((id.clone(), mount.map_err(|error| format!("image `{id}`: {error}"))?))
+/// Refuses a CSV table whose header has other separators than commas, as spreadsheets of some countries write
+/// it: all columns would be one.
+fn check_separator(text: &str) -> Result<(), Cause> {
+    let header = text.lines().next().unwrap_or_default();
+    let others = [(';', "semicolons"), ('\t', "tabs")];
+    match others.into_iter().find(|(separator, _)| header.contains(*separator)) {
+        Some((_, found)) if !header.contains(',') => {
+            Err(format!("its columns are separated by {found}, expected commas").into())
+        }
+        _ => Ok(()),
+    }
 }
 
 #[cfg(test)]
@@ -84,7 +123,11 @@ mod tests {
         }
         assert_eq!(mounts.of("b", Some(mount(1.0))).unwrap(), mount(1.0));
         let error = mounts.of("b", None).unwrap_err();
-        assert!(matches!(&error, EvalError::NoMountOfImage { id } if id == "b"), "{error}");
+        assert!(
+            matches!(&error, EvalError::NoMountOfImage { id, other } if id == "b" && other == "a"),
+            "{error}"
+        );
+        assert!(error.hint().is_some());
     }
 
     #[test]
@@ -93,6 +136,39 @@ mod tests {
         assert!(ImageMounts::read(folder.path(), false).unwrap().0.is_empty());
         let error = ImageMounts::read(folder.path(), true).unwrap_err();
         assert!(matches!(&error, EvalError::NoMount { path } if path == folder.path()), "{error}");
+    }
+
+    #[test]
+    fn a_file_without_rows_is_no_missing_file() {
+        let folder = tempfile::tempdir().unwrap();
+        for text in ["", "id,x,y,z,roll,pitch,yaw\n"] {
+            std::fs::write(folder.path().join(FILE), text).unwrap();
+            assert!(ImageMounts::read(folder.path(), false).unwrap().0.is_empty());
+            let error = ImageMounts::read(folder.path(), true).unwrap_err();
+            assert!(
+                matches!(&error, EvalError::Mounts { reason, .. } if reason.contains("no rows")),
+                "{error}"
+            );
+            assert!(error.hint().unwrap().contains("id,x,y,z,roll,pitch,yaw"));
+        }
+    }
+
+    #[test]
+    fn columns_that_are_not_separated_by_commas_are_named() {
+        for (separator, name) in [(";", "semicolons"), ("\t", "tabs")] {
+            let text = "id,x,y,z,roll,pitch,yaw\na,0,0,1,0,0,0\n".replace(',', separator);
+            let error = read_text(&text).unwrap_err();
+            assert!(error.to_string().contains(name), "{error}");
+            assert!(error.hint().unwrap().contains("commas"), "{error}");
+        }
+        assert_eq!(read_text("id,\tx,y,z,roll,pitch,yaw,a;b\na,0,0,1,0,0,0,\n").unwrap().len(), 1);
+    }
+
+    #[test]
+    fn an_angle_in_degrees_has_the_hint_of_mounts() {
+        let error = read_text("id,x,y,z,roll,pitch,yaw\na,0,0,1,0,180,0\n").unwrap_err();
+        assert!(error.to_string().contains("image `a`"), "{error}");
+        assert!(error.hint().unwrap().contains("radians"), "{:?}", error.hint());
     }
 
     #[test]
