@@ -89,5 +89,5 @@ pub use far_truth::{NOT_METERS, cap_for};
 pub use image_name::ImageName;
 pub use metrics::{DepthMetrics, DepthScores, IGNORE, LabelMetrics, LabelScores};
 pub use obstacles::{ObstacleEval, ObstacleGroup, ObstacleScores};
-pub use options::{BaselineChoice, DepthUnits, EvalOptions, Protocol, Window};
+pub use options::{BaselineChoice, DepthUnits, EvalOptions, Protocol, Window, parse_meters, parse_units};
 pub use report::Report;

@@ -7,6 +7,11 @@ use nunet_source::CameraGeometry;
 
 use crate::obstacles::ObstacleEval;
 
+/// The least and the most meters: beyond them, the single-precision depth is 0 or infinite.
+const METERS: [f64; 2] = [1e-9, 1e9];
+/// The most units, of either sign.
+const MAX_UNITS: f64 = 1e6;
+
 /// What is measured, and how.
 #[derive(Debug, Clone)]
 pub struct EvalOptions {
@@ -100,6 +105,26 @@ impl DepthUnits {
     }
 }
 
+/// The meters of a unit or of a limit of depth. The error names `example`.
+///
+/// # Errors
+/// What is expected instead.
+pub fn parse_meters(text: &str, example: f64) -> Result<f64, String> {
+    let [least, most] = METERS;
+    let meters = text.parse().ok().filter(|meters: &f64| (least..=most).contains(meters));
+    meters
+        .ok_or_else(|| format!("expected meters from {least:e} to {most:e}, such as {example}, got `{text}`"))
+}
+
+/// The offset of units.
+///
+/// # Errors
+/// What is expected instead.
+pub fn parse_units(text: &str) -> Result<f64, String> {
+    let units = text.parse().ok().filter(|units: &f64| units.abs() <= MAX_UNITS);
+    units.ok_or_else(|| format!("expected at most {MAX_UNITS:e} units, such as 1, got `{text}`"))
+}
+
 /// Which pixels are compared.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Protocol {
@@ -162,6 +187,19 @@ impl FromStr for Window {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn meters_and_units_have_limits_and_the_error_has_a_fitting_example() {
+        assert_eq!((parse_meters("0.001", 10.0), parse_units("-5")), (Ok(0.001), Ok(-5.0)));
+        for wrong in ["0", "-1", "nan", "inf", "1e300", "far"] {
+            let error = parse_meters(wrong, 10.0).unwrap_err();
+            assert!(error.contains("such as 10,") && error.ends_with(&format!("got `{wrong}`")), "{error}");
+        }
+        assert!(parse_meters("0", 0.001).unwrap_err().contains("such as 0.001,"));
+        for wrong in ["nan", "inf", "-1e300", ""] {
+            assert!(parse_units(wrong).is_err(), "{wrong}");
+        }
+    }
 
     #[test]
     fn a_window_is_four_numbers_in_order() {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use nunet_eval::{BaselineChoice, DepthUnits, EvalOptions, ObstacleEval, Protocol, Window};
 
-use super::text::{parsed, value};
+use super::text::value;
 use super::{DEFAULT_MODEL, EngineArgs, FilterArgs, ImageObstacleArgs, LensArgs};
 use crate::config::{MountOption, ProcessingConfig};
 use crate::exit::BadArguments;
@@ -78,11 +78,11 @@ pub struct DepthUnitArgs {
     /// Meters per unit of the depth images, such as 0.00390625 for KITTI and 0.0002 for TUM. 65535 is no
     /// measurement; 0 is none either unless --depth-offset is given. Depth in floating point (32FC1, `.npy`)
     /// is in meters and has no other unit [default: 0.001, for 16-bit images]
-    #[arg(long, value_name = "METERS", value_parser = parse_meters)]
+    #[arg(long, value_name = "METERS", value_parser = parse_scale)]
     pub depth_scale: Option<f64>,
     /// Added to each value before scaling; if it is not 0, the value 0 is a measurement
     #[arg(long, value_name = "UNITS", default_value = "0", allow_hyphen_values = true)]
-    #[arg(value_parser = parse_units)]
+    #[arg(value_parser = nunet_eval::parse_units)]
     pub depth_offset: f64,
 }
 
@@ -147,18 +147,11 @@ impl EvalArgs {
     }
 }
 
-/// The least and the most meters: beyond them, the single-precision depth is 0 or infinite.
-const METERS: [f64; 2] = [1e-9, 1e9];
-/// The most units, of either sign.
-const MAX_UNITS: f64 = 1e6;
-
-pub(super) fn parse_meters(text: &str) -> Result<f64, BadArguments> {
-    let [least, most] = METERS;
-    let expected = format!("meters from {least:e} to {most:e}, such as 0.001");
-    parsed(text, &expected, |meters| (METERS[0]..=METERS[1]).contains(meters))
+/// Parses a limit of depth.
+pub(super) fn parse_meters(text: &str) -> Result<f64, String> {
+    nunet_eval::parse_meters(text, 10.0)
 }
 
-fn parse_units(text: &str) -> Result<f64, BadArguments> {
-    let expected = format!("at most {MAX_UNITS:e} units, such as 1");
-    parsed(text, &expected, |units: &f64| units.abs() <= MAX_UNITS)
+fn parse_scale(text: &str) -> Result<f64, String> {
+    nunet_eval::parse_meters(text, 0.001)
 }
