@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::fmt;
+use std::net::Ipv6Addr;
 use std::path::PathBuf;
 use std::str::FromStr;
 
@@ -47,7 +48,11 @@ impl AddressError {
 
 impl Hint for AddressError {
     fn hint(&self) -> Option<Cow<'static, str>> {
-        Some("pass udpout:HOST:PORT, tcpout:HOST:PORT or serial:DEVICE:BAUD".into())
+        let forms = "pass udpout:HOST:PORT, tcpout:HOST:PORT or serial:DEVICE:BAUD";
+        Some(match with_brackets(&self.0) {
+            Some(address) => format!("{forms}, with an IPv6 address in brackets: {address}").into(),
+            None => forms.into(),
+        })
     }
 }
 
@@ -64,6 +69,15 @@ impl FromStr for MavlinkAddress {
             _ => Err(wrong()),
         }
     }
+}
+
+/// An address whose host is an IPv6 address without brackets, with them.
+fn with_brackets(text: &str) -> Option<String> {
+    let (kind, rest) = text.split_once(':')?;
+    let (host, port) = rest.rsplit_once(':')?;
+    let host: Ipv6Addr = host.parse().ok()?;
+    let address = format!("{kind}:[{host}]:{port}");
+    address.parse::<MavlinkAddress>().is_ok().then_some(address)
 }
 
 /// `DEVICE:BAUD`
@@ -104,6 +118,16 @@ mod tests {
             assert_eq!(error.to_string(), format!("`{text}` is not a MAVLink address"));
             assert_eq!(error.kind(), MavlinkErrorKind::Argument);
             assert!(error.hint().unwrap().contains("udpout:HOST:PORT"));
+        }
+    }
+
+    #[test]
+    fn an_ipv6_address_without_brackets_is_shown_with_them() {
+        let hint = |text: &str| text.parse::<MavlinkAddress>().unwrap_err().hint().unwrap().into_owned();
+        assert!(hint("udpout:::1:14550").ends_with(": udpout:[::1]:14550"));
+        assert!(hint("tcpout:fe80::1:5760").ends_with(": tcpout:[fe80::1]:5760"));
+        for other in ["udpout:::1:0", "udp:::1:14550", "serial::57600", "udpout:1:14550:"] {
+            assert!(!hint(other).contains('['), "{other}");
         }
     }
 }
