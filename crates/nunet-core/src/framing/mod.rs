@@ -33,6 +33,8 @@ pub struct Framing {
     view: PixelRect,
     /// Pixels of the network's image.
     target: PixelRect,
+    /// Whether it was to be cropped, but has too few pixels for a part of the network's aspect ratio.
+    is_too_small: bool,
 }
 
 impl Framing {
@@ -40,14 +42,16 @@ impl Framing {
     #[must_use]
     pub fn new(mode: AspectMode, image: ImageSize, network: ImageSize) -> Self {
         let (mut view, mut target) = (PixelRect::whole(image), PixelRect::whole(network));
-        if aspect::differs(image, network) {
+        let differs = aspect::differs(image, network);
+        if differs {
             match mode {
                 AspectMode::Crop => view = PixelRect::centered(image, network),
                 AspectMode::Letterbox => target = PixelRect::centered(network, image),
                 AspectMode::Stretch => {}
             }
         }
-        Self { image, network, view, target }
+        let is_too_small = differs && mode == AspectMode::Crop && view == PixelRect::whole(image);
+        Self { image, network, view, target, is_too_small }
     }
 
     /// The size of the image.
@@ -80,10 +84,12 @@ impl Framing {
         self.target != PixelRect::whole(self.network)
     }
 
-    /// Whether the whole image fills the whole network, but with another aspect ratio.
+    /// Whether the whole image fills the whole network, but with another aspect ratio. False for an image
+    /// of a few pixels that is too small to be cropped.
     #[must_use]
     pub fn is_stretched(&self) -> bool {
-        !self.is_cropped() && !self.is_padded() && aspect::differs(self.image, self.network)
+        let is_whole = !self.is_cropped() && !self.is_padded() && !self.is_too_small;
+        is_whole && aspect::differs(self.image, self.network)
     }
 
     /// The shares of the image's width and height that the results do not cover, 0 to 1.
@@ -99,6 +105,12 @@ impl Framing {
         let Self { image, network, view, .. } = self;
         if self.is_stretched() {
             return Some(format!("images of {image} are stretched to {network}: depth is less accurate"));
+        }
+        if self.is_too_small {
+            return Some(format!(
+                "images of {image} are too small to be cropped to the aspect ratio of {network}: depth is \
+                 less accurate"
+            ));
         }
         let (horizontal, vertical) = self.uncovered_share();
         let (share, side) = if horizontal > vertical { (horizontal, "width") } else { (vertical, "height") };
@@ -143,5 +155,22 @@ impl Framing {
             return Ok(*camera);
         }
         camera.cropped(self.target).scaled_to(self.network.width, self.network.height)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_image_that_is_too_small_to_be_cropped_is_not_stretched_on_request() {
+        let framing = |mode| Framing::new(mode, ImageSize::new(1, 1), ImageSize::new(640, 480));
+        let (crop, stretch) = (framing(AspectMode::Crop), framing(AspectMode::Stretch));
+        assert!(!crop.is_stretched() && stretch.is_stretched());
+        let has = |framing: Framing, words: &str| framing.notice().is_some_and(|text| text.contains(words));
+        assert!(has(crop, "1x1 are too small") && has(stretch, "are stretched"), "{:?}", crop.notice());
+        assert_eq!(framing(AspectMode::Letterbox).notice(), None);
+        let large = Framing::new(AspectMode::Crop, ImageSize::new(1280, 720), ImageSize::new(640, 480));
+        assert!(has(large, "are cropped"), "{:?}", large.notice());
     }
 }
