@@ -274,6 +274,21 @@ impl EvalError {
     }
 }
 
+impl EvalError {
+    /// The error that a transparent variant shows. It is not in the chain of causes itself.
+    fn transparent(&self) -> Option<&dyn Hint> {
+        Some(match self {
+            Self::Source(error) => error,
+            Self::Pipeline(error) => error,
+            Self::Frame(error) => error,
+            Self::Obstacles(error) => error,
+            Self::Camera(error) => error,
+            Self::Files(error) => error,
+            _ => return None,
+        })
+    }
+}
+
 impl Hint for EvalError {
     fn setting(&self) -> Option<&'static str> {
         match self {
@@ -296,12 +311,7 @@ impl Hint for EvalError {
             Self::FixedUnit { .. } => "state scale and offset only for depth of integers (16UC1, PNG)".into(),
             Self::Size { is_labels: false, .. } => "use depth that is aligned to the color image".into(),
             Self::Size { .. } => "use labels of the size of the color image".into(),
-            Self::UnknownLabel { is_nyu40: false, .. } => {
-                "`labels/` holds the network's own classes; put NYU's 40 classes into `label40/`".into()
-            }
-            Self::UnknownLabel { .. } => {
-                "count NYU's classes from 0; 39 is \"otherprop\" or unlabeled".into()
-            }
+            Self::UnknownLabel { is_nyu40, .. } => label_hint(*is_nyu40).into(),
             Self::ProtocolSize { .. } => "compare whole images, with the protocol `full`".into(),
             Self::NoMount { .. } => {
                 "state one mount for all images, or a row `id,x,y,z,roll,pitch,yaw` for each".into()
@@ -314,13 +324,12 @@ impl Hint for EvalError {
             Self::Mounts { hint, .. } => return hint.clone(),
             Self::NoTruth => "check window and protocol, which exclude parts; 0 and NaN mean no depth".into(),
             Self::TruthOutOfRange { far_m, is_meters, .. } => far_truth::hint(*far_m, *is_meters),
-            // Transparent: these are not in the chain of causes themselves.
-            Self::Source(error) => return error.hint(),
-            Self::Pipeline(error) => return error.hint(),
-            Self::Frame(error) => return error.hint(),
-            Self::Obstacles(error) => return error.hint(),
-            Self::Camera(error) => return error.hint(),
-            Self::Files(error) => return error.hint(),
+            Self::Source(_)
+            | Self::Pipeline(_)
+            | Self::Frame(_)
+            | Self::Obstacles(_)
+            | Self::Camera(_)
+            | Self::Files(_) => return self.transparent()?.hint(),
             Self::NoImages { .. }
             | Self::Ids(_)
             | Self::ReadImage { .. }
@@ -335,6 +344,14 @@ impl Hint for EvalError {
 
     fn is_usage(&self) -> bool {
         self.kind() == EvalErrorKind::Argument
+    }
+}
+
+fn label_hint(is_nyu40: bool) -> &'static str {
+    if is_nyu40 {
+        "count NYU's classes from 0; 39 is \"otherprop\" or unlabeled"
+    } else {
+        "`labels/` holds the network's own classes; put NYU's 40 classes into `label40/`"
     }
 }
 
