@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 
 use nunet_core::camera::Mount;
 use nunet_core::depth::DepthImage;
-use nunet_core::obstacle::{FloorView, ObstacleDetector};
+use nunet_core::obstacle::{FloorMismatch, ObstacleDetector};
+use nunet_types::Hint as _;
 use tracing::warn;
 
 /// The floor is measured in the image after this number of frames without floor where the mount expects it.
@@ -36,23 +37,20 @@ impl MountCheck {
         }
         self.without_floor = 0;
         let is_due = self.warned.is_none_or(|warned| now.duration_since(warned) >= PERIOD);
-        if let Some(text) = is_due.then(|| contradiction(detector, mount, image)).flatten() {
+        if let Some(found) = is_due.then(|| contradiction(detector, mount, image)).flatten() {
             self.warned = Some(now);
-            let hint = "check the mount: z is in meters, pitch in radians, and a positive pitch looks down";
-            warn!(hint, "{text}");
+            warn!(hint = found.hint().as_deref(), "{found}");
         }
     }
 }
 
-/// The warning if the floor of a frame contradicts the mount.
-fn contradiction(detector: &ObstacleDetector, mount: &Mount, image: &DepthImage<'_>) -> Option<String> {
-    let (seen, expected) = (detector.floor_view(image)?, FloorView::of_mount(mount));
-    let shown = |floor: &FloorView| {
-        format!("{:.2} m below the camera with a pitch of {:.2} rad", floor.height_m, floor.pitch_rad())
-    };
-    seen.contradicts(&expected).then(|| {
-        format!("the floor in the images is {}, but with the mount it is {}", shown(&seen), shown(&expected))
-    })
+/// The mismatch if the floor of a frame contradicts the mount.
+fn contradiction(
+    detector: &ObstacleDetector,
+    mount: &Mount,
+    image: &DepthImage<'_>,
+) -> Option<FloorMismatch> {
+    FloorMismatch::of_image(detector.floor_view(image)?, mount)
 }
 
 #[cfg(test)]
@@ -114,9 +112,9 @@ mod tests {
         let image = DepthImage { depth_m: &depth_m, labels: None, confidence: None };
         let detector = ObstacleDetector::new(&camera(), given, &[], ObstacleOptions::default()).unwrap();
         assert_eq!(
-            contradiction(&detector, &given, &image).unwrap(),
-            "the floor in the images is 0.30 m below the camera with a pitch of 0.25 rad, but with the mount it is 0.30 m \
-             below the camera with a pitch of -0.25 rad"
+            contradiction(&detector, &given, &image).unwrap().to_string(),
+            "the floor in the images is 0.30 m below the camera with a roll of 0.00 rad and a pitch of 0.25 rad, but \
+             with the mount it is 0.30 m below the camera with a roll of 0.00 rad and a pitch of -0.25 rad"
         );
     }
 }

@@ -1,15 +1,11 @@
 //! The pose of a camera on the robot, as six numbers.
 
-use std::f64::consts::{FRAC_PI_2, PI};
 use std::str::FromStr;
 
-use nunet_core::camera::{Mount, MountError, check_pose};
+use nunet_core::camera::{Mount, MountDoubt, MountError, check_pose};
 use nunet_mcap::CameraMount;
-use nunet_types::text_with_hint;
+use nunet_types::{Hint as _, text_with_hint};
 use tracing::warn;
-
-/// Angles are often written with few digits: 3.15 for half a turn.
-const ROUNDING_RAD: f64 = 0.01;
 
 /// The camera on the robot, as a user writes it: `x,y,z,roll,pitch,yaw` in `base_link` (x forward, y left, z
 /// up).
@@ -30,23 +26,11 @@ impl MountOption {
         Mount::new(self.translation_m, self.roll_pitch_yaw_rad)
     }
 
-    /// Warns of an angle that is possible, but probably in degrees.
-    pub fn warn_of_degrees(&self) {
-        if let Some((name, angle, most)) = self.unusual_angle() {
-            let hint = "if the angles are in degrees, convert them to radians: 90 degrees are 1.571";
-            warn!(
-                hint,
-                "mount: {name} is {angle} rad, but -{most:.2} to {most:.2} describes every direction"
-            );
+    /// Warns of angles that are possible, but probably a mistake: degrees, or those of the optical frame.
+    pub fn warn_of_mistakes(&self) {
+        if let Some(doubt) = MountDoubt::of(self.roll_pitch_yaw_rad) {
+            warn!(hint = doubt.hint().as_deref(), "{doubt}");
         }
-    }
-
-    /// The first angle beyond those that every rotation can be written with, and their limit. A few degrees
-    /// that are taken as radians are often beyond; larger ones are refused.
-    fn unusual_angle(&self) -> Option<(&'static str, f64, f64)> {
-        let [roll, pitch, yaw] = self.roll_pitch_yaw_rad;
-        let named = [("roll", roll, PI), ("pitch", pitch, FRAC_PI_2), ("yaw", yaw, PI)];
-        named.into_iter().find(|(_, angle, most)| angle.abs() > most + ROUNDING_RAD)
     }
 }
 
@@ -93,7 +77,14 @@ mod tests {
 
     #[test]
     fn an_angle_that_no_rotation_needs_is_unusual() {
-        let name = |text: &str| text.parse::<MountOption>().unwrap().unusual_angle().map(|(name, ..)| name);
+        let name = |text: &str| {
+            let mount: MountOption = text.parse().unwrap();
+            match MountDoubt::of(mount.roll_pitch_yaw_rad) {
+                Some(MountDoubt::Degrees { what, .. }) => Some(what),
+                Some(doubt) => panic!("{text}: {doubt}"),
+                None => None,
+            }
+        };
         for usual in ["0,0,1,0,0,0", "0,0,1,3.15,1.57,-3.1416", "0,0,1,-3.14,-1.571,3.142", "0,0,1,1,1,1"] {
             assert_eq!(name(usual), None, "{usual}");
         }

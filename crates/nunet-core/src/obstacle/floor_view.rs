@@ -4,6 +4,8 @@
 //! by least squares. A point agrees if its depth is off by a small share. It runs only for frames that
 //! contradict the mount, so it may take a millisecond.
 
+use std::fmt;
+
 use nalgebra::{Matrix3, Vector3};
 
 use crate::camera::Mount;
@@ -19,8 +21,8 @@ const MIN_AGREEING: f32 = 0.6;
 /// How far the normal of a floor may be from the image's vertical, as a cosine: 70 degrees. A wall ahead has
 /// 90.
 const MIN_COSINE: f32 = 0.34;
-/// The mount is wrong if the floor is inclined by more than this, radians, or if the heights differ by this
-/// factor. Networks are off by less; for some, all depth is twice too far.
+/// The mount is wrong if the floor of one image is inclined by more than this, radians, or if the heights
+/// differ by this factor. Networks are off by less; for some, all depth is twice too far.
 const MAX_ANGLE_RAD: f32 = 0.14;
 const MAX_FACTOR: f32 = 3.0;
 
@@ -72,6 +74,12 @@ impl FloorView {
         Self { height_m: mount.height_m() as f32, down }
     }
 
+    /// The roll of a mount with this view, radians: positive if the camera's right side is lower.
+    #[must_use]
+    pub fn roll_rad(&self) -> f32 {
+        self.down.x.atan2(self.down.y)
+    }
+
     /// How far the camera looks down, radians; negative if it looks up.
     #[must_use]
     pub fn pitch_rad(&self) -> f32 {
@@ -84,6 +92,22 @@ impl FloorView {
         let factor = self.height_m / other.height_m;
         self.down.angle(&other.down) > MAX_ANGLE_RAD || !(1.0 / MAX_FACTOR..=MAX_FACTOR).contains(&factor)
     }
+}
+
+impl fmt::Display for FloorView {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { height_m, .. } = self;
+        let [roll, pitch] = [self.roll_rad(), self.pitch_rad()].map(in_hundredths);
+        write!(
+            f,
+            "{height_m:.2} m below the camera with a roll of {roll:.2} rad and a pitch of {pitch:.2} rad"
+        )
+    }
+}
+
+/// Rounded to two digits, without the sign of a zero.
+fn in_hundredths(value: f32) -> f32 {
+    (100.0 * value).round() / 100.0 + 0.0
 }
 
 /// The plane through three points; `None` if they are on a line.
@@ -126,6 +150,7 @@ mod tests {
             let found = FloorView::of(&floor(&mount)).unwrap();
             assert!((found.height_m / height as f32 - 1.0).abs() < 0.05, "{found:?}");
             assert!((found.pitch_rad() - pitch as f32).abs() < 0.03, "{found:?} {pitch}");
+            assert!((found.roll_rad() - roll as f32).abs() < 0.03, "{found:?} {roll}");
             assert!(!found.contradicts(&FloorView::of_mount(&mount)));
             for wrong in [
                 Mount::new([0.1, 0.0, height], [roll, -2.0 * pitch, 0.3]),
@@ -135,6 +160,19 @@ mod tests {
                 assert!(found.contradicts(&FloorView::of_mount(&wrong.unwrap())), "{found:?}");
             }
         }
+    }
+
+    #[test]
+    fn the_view_of_a_mount_has_its_roll_and_pitch_whatever_the_yaw() {
+        for (roll, pitch) in [(0.0, 0.0), (3.1, -0.07), (-1.5, 0.0), (0.3, -0.4), (-0.2, 1.2)] {
+            let mount = Mount::new([0.1, 0.0, 0.25], [roll, pitch, -1.57]).unwrap();
+            let view = FloorView::of_mount(&mount);
+            assert!((view.roll_rad() - roll as f32).abs() < 1e-5, "{view:?} {roll}");
+            assert!((view.pitch_rad() - pitch as f32).abs() < 1e-5, "{view:?} {pitch}");
+        }
+        let level = FloorView::of_mount(&Mount::new([0.0, 0.0, 0.5], [-0.001, 0.0, 0.0]).unwrap());
+        let text = "0.50 m below the camera with a roll of 0.00 rad and a pitch of 0.00 rad";
+        assert_eq!(level.to_string(), text, "no zero has a sign");
     }
 
     #[test]

@@ -54,6 +54,7 @@ mod correction;
 mod directions;
 mod error;
 mod extent;
+mod floor_mismatch;
 mod floor_view;
 mod ground;
 mod hits;
@@ -65,6 +66,7 @@ mod view;
 mod voxels;
 
 pub use error::ObstacleError;
+pub use floor_mismatch::FloorMismatch;
 pub use floor_view::FloorView;
 pub use ground::Ground;
 pub use nunet_types::{ObstacleMap, ObstaclePoint, ObstacleSector, SectorState};

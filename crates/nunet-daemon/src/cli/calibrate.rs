@@ -120,7 +120,7 @@ impl CalibrateArgs {
             (.., mount) => {
                 let mount =
                     mount.ok_or_else(|| BadArguments::new("pass --distance, --pairs, --truth or --mount"))?;
-                mount.warn_of_degrees();
+                mount.warn_of_mistakes();
                 let mount = mount.pose().map_err(|error| BadArguments::of(&error))?;
                 Evidence::Frames(source()?, Reference::Floor(mount))
             }

@@ -73,7 +73,7 @@ impl LensArgs {
         filters: &FilterArgs,
         mount: Option<MountOption>,
     ) -> Result<ProcessingConfig, BadArguments> {
-        mount.iter().for_each(MountOption::warn_of_degrees);
+        mount.iter().for_each(MountOption::warn_of_mistakes);
         let asked = match self.focal {
             Some(FocalArg::Auto) => ScaleArg::Auto,
             Some(FocalArg::Off) => ScaleArg::Off,
