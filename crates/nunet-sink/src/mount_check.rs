@@ -6,18 +6,33 @@ use std::time::{Duration, Instant};
 
 use nunet_core::camera::Mount;
 use nunet_core::depth::DepthImage;
-use nunet_core::obstacle::{FloorMismatch, ObstacleDetector};
-use nunet_types::Hint as _;
+use nunet_core::obstacle::{FloorMismatch, Ground, ObstacleDetector};
+use nunet_types::{Hint as _, counted};
 use tracing::warn;
 
-/// The floor is measured in the image after this number of frames without floor where the mount expects it.
-const FRAMES: u32 = 30;
+/// What frames add to the suspicion: those in which the floor was not found at its place, and those in which
+/// it is tilted by more than [`MAX_TILT_RAD`], such as a ramp. Other frames take [`FOUND`] from it.
+const MISSING: u32 = 2;
+const TILTED: u32 = 1;
+const FOUND: u32 = 4;
+/// At this suspicion the floor is measured in the image: after 30 frames without floor.
+const SUSPICION: u32 = 60;
+/// A ground that is tilted by more, 5 degrees, is not the floor that the mount expects.
+const MAX_TILT_RAD: f32 = 0.087;
+/// A camera that never found the floor in this number of frames has a wrong mount, or an unusual place.
+const NEVER_FOUND: u32 = 300;
+/// If less of the image than this share shows floor, hardly any direction is free.
+pub(crate) const LITTLE_FLOOR: f32 = 0.02;
 /// One warning per period.
 const PERIOD: Duration = Duration::from_secs(60);
 
 /// Compares the mount with the floor of frames in which it was not found.
 #[derive(Debug, Default)]
 pub(crate) struct MountCheck {
+    suspicion: u32,
+    /// Whether any frame showed the floor at its place.
+    has_found: bool,
+    /// The frames before the first of these.
     without_floor: u32,
     warned: Option<Instant>,
 }
@@ -31,26 +46,49 @@ impl MountCheck {
         image: &DepthImage<'_>,
         now: Instant,
     ) {
-        self.without_floor = if detector.last().ground.is_refined { 0 } else { self.without_floor + 1 };
-        if self.without_floor < FRAMES {
-            return;
+        self.count(&detector.last().ground);
+        if self.suspicion >= SUSPICION {
+            self.suspicion = 0;
+            let found = self.is_due(now).then(|| detector.floor_view(image)).flatten();
+            self.warn(found.and_then(|seen| FloorMismatch::of_frames(seen, mount)), now);
         }
-        self.without_floor = 0;
-        let is_due = self.warned.is_none_or(|warned| now.duration_since(warned) >= PERIOD);
-        if let Some(found) = is_due.then(|| contradiction(detector, mount, image)).flatten() {
+        if !self.has_found && self.without_floor == NEVER_FOUND && self.warned.is_none() {
+            self.warn_of_no_floor(detector, now);
+        }
+    }
+
+    fn count(&mut self, ground: &Ground) {
+        let (more, less) = match ground {
+            Ground { is_refined: false, .. } => (MISSING, 0),
+            tilted if tilted.tilt_rad() > MAX_TILT_RAD => (TILTED, 0),
+            _ => (0, FOUND),
+        };
+        self.suspicion = (self.suspicion + more).saturating_sub(less);
+        self.has_found |= less > 0;
+        self.without_floor = self.without_floor.saturating_add(u32::from(!self.has_found));
+    }
+
+    fn is_due(&self, now: Instant) -> bool {
+        self.warned.is_none_or(|warned| now.duration_since(warned) >= PERIOD)
+    }
+
+    fn warn(&mut self, found: Option<FloorMismatch>, now: Instant) {
+        if let Some(found) = found {
             self.warned = Some(now);
             warn!(hint = found.hint().as_deref(), "{found}");
         }
     }
-}
 
-/// The mismatch if the floor of a frame contradicts the mount.
-fn contradiction(
-    detector: &ObstacleDetector,
-    mount: &Mount,
-    image: &DepthImage<'_>,
-) -> Option<FloorMismatch> {
-    FloorMismatch::of_image(detector.floor_view(image)?, mount)
+    /// Without a plane in the image that looks like floor, nothing can be compared.
+    fn warn_of_no_floor(&mut self, detector: &ObstacleDetector, now: Instant) {
+        if detector.floor_in_view() >= LITTLE_FLOOR {
+            self.warned = Some(now);
+            let hint =
+                "check the mount, and that images are upright, if the camera has seen floor since the start";
+            let frames = counted(NEVER_FOUND, "frame");
+            warn!(hint, "the floor was not found where the mount expects it in the first {frames}");
+        }
+    }
 }
 
 #[cfg(test)]
@@ -79,12 +117,16 @@ mod tests {
 
     /// In which of these frames of the floor of `real` there is a warning about `given`; a frame per second.
     fn warnings(given: &Mount, real: &Mount, frames: u32) -> Vec<u32> {
-        let depth_m = floor(real);
-        let image = DepthImage { depth_m: &depth_m, labels: None, confidence: None };
+        warnings_of(given, &[&floor(real)[..]], frames)
+    }
+
+    /// The same for these depth maps, again and again.
+    fn warnings_of(given: &Mount, maps: &[&[f32]], frames: u32) -> Vec<u32> {
         let options = ObstacleOptions::default();
         let mut detector = ObstacleDetector::new(&camera(), *given, &[], options).unwrap();
         let (mut check, start, mut warned) = (MountCheck::default(), Instant::now(), Vec::new());
-        for frame in 0..frames {
+        for (frame, depth_m) in (0..frames).zip(maps.iter().copied().cycle()) {
+            let image = DepthImage { depth_m, labels: None, confidence: None };
             detector.detect(&image, 0).unwrap();
             let before = check.warned;
             check.check(&detector, given, &image, start + Duration::from_secs(frame.into()));
@@ -105,6 +147,28 @@ mod tests {
     }
 
     #[test]
+    fn a_height_off_by_two_and_a_half_and_a_small_pitch_of_the_wrong_sign_are_reported() {
+        let mount = |height, pitch| Mount::new([0.0, 0.0, height], [0.0, pitch, 0.0]).unwrap();
+        let real = mount(0.25, -0.07);
+        assert_eq!(warnings(&mount(0.1, -0.07), &real, 50), [29], "the floor is not found");
+        assert_eq!(warnings(&mount(0.25, 0.07), &real, 70), [59], "it is found, but tilted by 8 degrees");
+        for near in [real, mount(0.2, -0.07), mount(0.25, 0.0), mount(0.25, -0.14)] {
+            assert!(warnings(&near, &real, 400).is_empty(), "{near:?}");
+        }
+    }
+
+    #[test]
+    fn a_camera_that_never_finds_the_floor_is_reported_once() {
+        let given = Mount::new([0.0, 0.0, 0.3], [0.0, 0.25, 0.0]).unwrap();
+        let wall = vec![0.2; (SIZE.0 * SIZE.1) as usize];
+        assert_eq!(warnings_of(&given, &[&wall[..]], 700), [299]);
+        let (real, looks_up) = (floor(&given), Mount::new([0.0, 0.0, 0.3], [0.0, -0.6, 0.0]).unwrap());
+        let seen_before = [&[&real[..]][..], &[&wall[..]; 400]].concat();
+        assert!(warnings_of(&given, &seen_before, 400).is_empty(), "it found the floor before");
+        assert!(warnings_of(&looks_up, &[&wall[..]], 400).is_empty(), "it expects none");
+    }
+
+    #[test]
     fn the_text_names_what_is_seen_and_what_was_given() {
         let [real, given] =
             [0.25, -0.25].map(|pitch| Mount::new([0.0, 0.0, 0.3], [0.0, pitch, 0.0]).unwrap());
@@ -112,7 +176,7 @@ mod tests {
         let image = DepthImage { depth_m: &depth_m, labels: None, confidence: None };
         let detector = ObstacleDetector::new(&camera(), given, &[], ObstacleOptions::default()).unwrap();
         assert_eq!(
-            contradiction(&detector, &given, &image).unwrap().to_string(),
+            FloorMismatch::of_frames(detector.floor_view(&image).unwrap(), &given).unwrap().to_string(),
             "the floor in the images is 0.30 m below the camera with a roll of 0.00 rad and a pitch of 0.25 rad, but \
              with the mount it is 0.30 m below the camera with a roll of 0.00 rad and a pitch of -0.25 rad"
         );

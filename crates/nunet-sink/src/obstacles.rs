@@ -10,10 +10,7 @@ use nunet_core::pipeline::Pipeline;
 use nunet_types::Units;
 use tracing::{info, warn};
 
-use crate::mount_check::MountCheck;
-
-/// If the image shows less floor than this share, hardly any direction is free.
-const LITTLE_FLOOR: f32 = 0.02;
+use crate::mount_check::{LITTLE_FLOOR, MountCheck};
 
 /// How obstacles are found.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -28,6 +28,14 @@ impl FloorMismatch {
         let expected = FloorView::of_mount(mount);
         seen.contradicts(&expected).then_some(Self { seen, expected })
     }
+
+    /// The mismatch of one of many frames in which the floor was not where the mount expects it. A smaller
+    /// difference counts.
+    #[must_use]
+    pub fn of_frames(seen: FloorView, mount: &Mount) -> Option<Self> {
+        let expected = FloorView::of_mount(mount);
+        seen.contradicts_steadily(&expected).then_some(Self { seen, expected })
+    }
 }
 
 impl fmt::Display for FloorMismatch {
@@ -47,6 +55,9 @@ impl Hint for FloorMismatch {
         } else if is_upright && is_near(-FRAC_PI_2) {
             "give the pose of the camera's body frame (x forward, such as `camera_link` in tf2), not of its \
              optical frame"
+                .into()
+        } else if !self.seen.points_elsewhere(&self.expected) {
+            "check the height z of the mount, in meters; if it is right, measure the scale of the depth"
                 .into()
         } else {
             "check the mount: z is in meters, pitch in radians, and a positive pitch looks down".into()
@@ -85,6 +96,15 @@ mod tests {
             let hint = mismatch([0.0, -0.1, 0.0], given).hint().unwrap();
             assert!(hint.contains(part), "{given:?}: {hint}");
         }
+    }
+
+    #[test]
+    fn a_wrong_height_may_also_be_a_wrong_scale() {
+        let [seen, given] = [0.25, 0.1].map(|z| Mount::new([0.0, 0.0, z], [0.0, -0.07, 0.0]).unwrap());
+        let seen = FloorView::of_mount(&seen);
+        assert_eq!(FloorMismatch::of_image(seen, &given), None, "too little for one image");
+        let hint = FloorMismatch::of_frames(seen, &given).unwrap().hint().unwrap();
+        assert!(hint.contains("height z") && hint.contains("scale"), "{hint}");
     }
 
     #[test]

@@ -8,11 +8,15 @@ use std::fmt;
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::camera::Mount;
+use crate::camera::{Mount, RayTable};
+use crate::depth::DepthImage;
+use crate::label_roles::{Role, Roles};
 
 /// The largest number of points that are used.
-pub(super) const MAX_POINTS: usize = 1000;
+const MAX_POINTS: usize = 1000;
 const MIN_POINTS: usize = 100;
+/// Floor covers at least this part of the image: 1/20. Less is often no floor, but labeled as such.
+const MIN_PART: usize = 20;
 const TRIALS: usize = 80;
 /// A point agrees with a plane if its depth differs by less than this share.
 const AGREEMENT: f32 = 0.12;
@@ -25,6 +29,10 @@ const MIN_COSINE: f32 = 0.34;
 /// differ by this factor. Networks are off by less; for some, all depth is twice too far.
 const MAX_ANGLE_RAD: f32 = 0.14;
 const MAX_FACTOR: f32 = 3.0;
+/// The same for many images in a row, whose errors differ: of the pitch (5 degrees), and of the height. The
+/// roll of a network's floor is less certain, so the whole angle has the limit of one image.
+const STEADY_ANGLE_RAD: f32 = 0.087;
+const STEADY_FACTOR: f32 = 1.6;
 
 /// The floor in the camera's view.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,8 +44,32 @@ pub struct FloorView {
 }
 
 impl FloorView {
+    /// The floor of an image whose pixels have these rays; `None` if it has none, or another size.
+    pub(crate) fn of_image(rays: &RayTable, roles: &Roles, image: &DepthImage<'_>) -> Option<Self> {
+        let (rays, count) = (rays.rays(), image.depth_m.len());
+        let labels = image.labels.filter(|_| roles.has_floor);
+        if rays.len() != count || labels.is_some_and(|labels| labels.len() != count) {
+            return None;
+        }
+        let is_floor = |pixel: &usize| match labels {
+            Some(labels) => roles.of(labels[*pixel]) == Role::Floor,
+            None => *pixel >= count / 2,
+        };
+        let is_known = |pixel: &usize| image.depth_m[*pixel].is_finite() && rays[*pixel][0].is_finite();
+        let pixels: Vec<usize> = (0..count).filter(is_floor).filter(is_known).collect();
+        if pixels.len() < count / MIN_PART {
+            return None;
+        }
+        let step = pixels.len().div_ceil(MAX_POINTS).max(1);
+        let point = |&pixel: &usize| {
+            let ([x, y], depth_m) = (rays[pixel], image.depth_m[pixel]);
+            [x * depth_m, y * depth_m, depth_m]
+        };
+        Self::of(&pixels.iter().step_by(step).map(point).collect::<Vec<_>>())
+    }
+
     /// The floor of these points of the optical frame, meters; `None` if they show no plane below the camera.
-    pub(super) fn of(points: &[[f32; 3]]) -> Option<Self> {
+    fn of(points: &[[f32; 3]]) -> Option<Self> {
         let points: Vec<Vector3<f32>> = points.iter().map(|&point| point.into()).collect();
         if points.len() < MIN_POINTS {
             return None;
@@ -89,8 +121,29 @@ impl FloorView {
     /// Whether both cannot be the same floor: the errors of depth do not explain the difference.
     #[must_use]
     pub fn contradicts(&self, other: &Self) -> bool {
-        let factor = self.height_m / other.height_m;
-        self.down.angle(&other.down) > MAX_ANGLE_RAD || !(1.0 / MAX_FACTOR..=MAX_FACTOR).contains(&factor)
+        self.is_inclined_to(other) || self.differs_in_height(other, MAX_FACTOR)
+    }
+
+    /// The same for what many images show. Their depth errors differ, so a smaller difference counts.
+    #[must_use]
+    pub fn contradicts_steadily(&self, other: &Self) -> bool {
+        self.points_elsewhere(other) || self.differs_in_height(other, STEADY_FACTOR)
+    }
+
+    /// Whether many images show that the directions differ. The heights do not count, so that the scale of
+    /// depth may be unknown.
+    #[must_use]
+    pub fn points_elsewhere(&self, other: &Self) -> bool {
+        let pitch_rad = (self.pitch_rad() - other.pitch_rad()).abs();
+        self.is_inclined_to(other) || pitch_rad > STEADY_ANGLE_RAD
+    }
+
+    fn is_inclined_to(&self, other: &Self) -> bool {
+        self.down.angle(&other.down) > MAX_ANGLE_RAD
+    }
+
+    fn differs_in_height(&self, other: &Self, factor: f32) -> bool {
+        !(1.0 / factor..=factor).contains(&(self.height_m / other.height_m))
     }
 }
 
@@ -159,6 +212,26 @@ mod tests {
             ] {
                 assert!(found.contradicts(&FloorView::of_mount(&wrong.unwrap())), "{found:?}");
             }
+        }
+    }
+
+    #[test]
+    fn what_many_images_show_contradicts_a_mount_earlier() {
+        let view = |height, roll, pitch| {
+            FloorView::of_mount(&Mount::new([0.0, 0.0, height], [roll, pitch, 0.0]).unwrap())
+        };
+        let seen = view(0.25, 0.0, -0.07);
+        // The roll of a network's floor is less certain than its pitch.
+        for (other, elsewhere, steadily, at_once) in [
+            (view(0.25, 0.1, -0.07), false, false, false),
+            (view(0.2, 0.0, -0.02), false, false, false),
+            (view(0.1, 0.0, -0.07), false, true, false),
+            (view(0.25, 0.0, 0.03), true, true, false),
+            (view(0.25, 0.2, -0.07), true, true, true),
+        ] {
+            assert_eq!(seen.points_elsewhere(&other), elsewhere, "{other}");
+            assert_eq!(seen.contradicts_steadily(&other), steadily, "{other}");
+            assert_eq!(seen.contradicts(&other), at_once, "{other}");
         }
     }
 

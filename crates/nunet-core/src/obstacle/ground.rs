@@ -58,6 +58,12 @@ impl Ground {
     pub fn height_above(&self, [x, y, z]: [f32; 3]) -> f32 {
         z - self.slope_x * x - self.slope_y * y - self.height_m
     }
+
+    /// Its angle to the expected plane, radians.
+    #[must_use]
+    pub fn tilt_rad(&self) -> f32 {
+        self.slope_x.hypot(self.slope_y).atan()
+    }
 }
 
 /// Fits the ground of each frame. Allocates once.
@@ -218,6 +224,7 @@ mod tests {
         assert!(ground.is_refined);
         assert!((ground.slope_x - 0.03).abs() < 0.003 && (ground.slope_y + 0.02).abs() < 0.003, "{ground:?}");
         assert!((ground.height_m - 0.01).abs() < 0.005, "{ground:?}");
+        assert!((ground.tilt_rad() - 0.036).abs() < 0.004, "{ground:?}");
     }
 
     #[test]

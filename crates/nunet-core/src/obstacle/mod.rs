@@ -258,25 +258,12 @@ impl ObstacleDetector {
     }
 
     /// The floor that a frame shows, whatever the mount says: the plane of what is labeled floor, without
-    /// labels of the lower half of the image. `None` if that is no plane below the camera. Allocates; for
-    /// frames that contradict the mount.
+    /// labels of the lower half of the image. `None` if that is no plane below the camera, or less than 5 % of
+    /// the image. Allocates; for frames that contradict the mount.
     #[must_use]
     pub fn floor_view(&self, image: &DepthImage<'_>) -> Option<FloorView> {
         self.check(image).ok()?;
-        let used_labels = image.labels.is_some() && self.roles.has_floor;
-        let is_floor = |pixel: &usize| match image.labels.filter(|_| used_labels) {
-            Some(labels) => self.roles.of(labels[*pixel]) == Role::Floor,
-            None => *pixel >= image.depth_m.len() / 2,
-        };
-        let is_known =
-            |pixel: &usize| image.depth_m[*pixel].is_finite() && self.rays.rays()[*pixel][0].is_finite();
-        let pixels: Vec<usize> = (0..image.depth_m.len()).filter(is_floor).filter(is_known).collect();
-        let step = pixels.len().div_ceil(floor_view::MAX_POINTS).max(1);
-        let point = |&pixel: &usize| {
-            let ([x, y], depth_m) = (self.rays.rays()[pixel], image.depth_m[pixel]);
-            [x * depth_m, y * depth_m, depth_m]
-        };
-        FloorView::of(&pixels.iter().step_by(step).map(point).collect::<Vec<_>>())
+        FloorView::of_image(&self.rays, &self.roles, image)
     }
 
     /// Fits the ground to samples that look at the floor: those labeled floor, if there are labels.
