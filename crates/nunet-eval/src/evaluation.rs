@@ -9,7 +9,6 @@ use nunet_core::pipeline::{Outputs, Pipeline};
 use nunet_engine::ModelName;
 use nunet_files::{make_folder, write_json, write_rgb};
 use nunet_source::{CameraResolver, Frame};
-use nunet_types::Units;
 
 use crate::baseline::{Baseline, NamedBaseline};
 use crate::comparison::Comparison;
@@ -18,7 +17,7 @@ use crate::error::EvalError;
 use crate::event::{Event, OnEvent};
 use crate::fit::Fit;
 use crate::metrics::LabelMetrics;
-use crate::obstacles::{ObstacleComparison, ObstacleEval};
+use crate::obstacles::ObstacleComparison;
 use crate::options::EvalOptions;
 use crate::report::{self, ImageRow, Measured, MeasuredScale, Report};
 use crate::reported::Reported;
@@ -71,14 +70,18 @@ impl Evaluator {
             on_event(Event::Warning("no true labels of this network's classes: only depth is measured"));
         }
         let baseline = baseline.with_images(&options, &dataset, on_event)?;
-        let obstacles = obstacles(&options, &pipeline)?;
+        let obstacles = ObstacleComparison::of(options.obstacles, &pipeline)?;
         let mounts = mounts(&options, &pipeline)?;
+        mounts.report_doubt(on_event);
         let mut evaluation = Evaluation::new(options, dataset, pipeline, camera, baseline);
         evaluation.obstacles = obstacles;
         evaluation.mounts = mounts;
         evaluation.measure_all(on_event)?;
         evaluation.comparison.check_truth()?;
         evaluation.report_truth_beyond(on_event);
+        if let Some(obstacles) = &evaluation.obstacles {
+            obstacles.report(on_event);
+        }
         Ok(evaluation)
     }
 }
@@ -212,7 +215,7 @@ impl Evaluation {
         let truth = DepthImage { depth_m: &truth.depth_m, labels: truth.labels.as_deref(), confidence: None };
         let predicted = DepthImage { depth_m: &predicted.depth, labels, confidence };
         let mount = self.mounts.of(id, self.options.obstacles.and_then(|obstacles| obstacles.mount))?;
-        comparison.add(&camera, mount, [truth, predicted])
+        comparison.add(id, &camera, mount, [truth, predicted])
     }
 
     fn predict(&mut self, id: &str, on_event: OnEvent<'_>) -> Result<(Truth, Prediction), EvalError> {
@@ -322,15 +325,6 @@ impl Evaluation {
         };
         Ok(row.strip())
     }
-}
-
-/// The comparison of obstacles, if it was requested.
-fn obstacles(options: &EvalOptions, pipeline: &Pipeline) -> Result<Option<ObstacleComparison>, EvalError> {
-    let Some(ObstacleEval { options: how, .. }) = options.obstacles else { return Ok(None) };
-    if pipeline.scale().units != Units::Metre {
-        return Err(EvalError::NoMeters);
-    }
-    Ok(Some(ObstacleComparison::new(how, &pipeline.graph().description().classes)))
 }
 
 /// The mounts of the images, if obstacles or the scale need them. The file is read once for both.

@@ -47,6 +47,13 @@ pub enum Event<'a> {
     },
     /// Something unusual that does not stop the evaluation.
     Warning(&'a str),
+    /// A mount is probably wrong.
+    WrongMount {
+        /// Why.
+        text: &'a str,
+        /// What can be done about it.
+        hint: &'a str,
+    },
     /// 16-bit images use only the lower bits.
     DimImages(&'a DimImages),
     /// The camera is unknown, or the network does not see all of its images.

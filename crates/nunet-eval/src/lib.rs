@@ -80,6 +80,7 @@ mod reported;
 mod sheet;
 mod sparsification;
 mod text_file;
+mod truth_floor;
 
 pub use calibrate::{Agreement, CalibrateError, Calibrator, Point, Reference, files_of_readings};
 pub use error::{EvalError, EvalErrorKind};

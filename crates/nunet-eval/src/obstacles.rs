@@ -6,11 +6,14 @@ use std::collections::BTreeMap;
 use nunet_core::camera::{Camera, Mount};
 use nunet_core::depth::DepthImage;
 use nunet_core::obstacle::{ObstacleDetector, ObstacleOptions};
-use nunet_types::{NO_LABEL, ObstacleSector, SectorState, counted};
+use nunet_core::pipeline::Pipeline;
+use nunet_types::{NO_LABEL, ObstacleSector, SectorState, Units, counted};
 use serde::Serialize;
 
 use crate::error::EvalError;
+use crate::event::{Event, OnEvent};
 use crate::median::median;
+use crate::truth_floor::TruthFloor;
 
 /// Obstacles nearer than this are those that a robot must not miss, meters.
 const NEAR_M: f32 = 2.0;
@@ -34,28 +37,54 @@ pub(crate) struct ObstacleComparison {
     options: ObstacleOptions,
     classes: Vec<String>,
     counts: ObstacleCounts,
+    floor: TruthFloor,
 }
 
 impl ObstacleComparison {
-    pub(crate) fn new(options: ObstacleOptions, classes: &[String]) -> Self {
-        Self { options, classes: classes.to_vec(), counts: ObstacleCounts::default() }
+    /// The comparison with the results of a pipeline, if it was requested.
+    ///
+    /// # Errors
+    /// The pipeline's depth has no unit.
+    pub(crate) fn of(
+        requested: Option<ObstacleEval>,
+        pipeline: &Pipeline,
+    ) -> Result<Option<Self>, EvalError> {
+        match requested {
+            Some(_) if pipeline.scale().units != Units::Metre => Err(EvalError::NoMeters),
+            Some(how) => Ok(Some(Self::new(how.options, &pipeline.graph().description().classes))),
+            None => Ok(None),
+        }
     }
 
-    /// Adds an image of `camera`, at the size of both views.
+    fn new(options: ObstacleOptions, classes: &[String]) -> Self {
+        let (counts, floor) = (ObstacleCounts::default(), TruthFloor::default());
+        Self { options, classes: classes.to_vec(), counts, floor }
+    }
+
+    /// Adds the image `id` of `camera`, at the size of both views.
     pub(crate) fn add(
         &mut self,
+        id: &str,
         camera: &Camera,
         mount: Mount,
         [truth, predicted]: [DepthImage<'_>; 2],
     ) -> Result<(), EvalError> {
         let mut detector = ObstacleDetector::new(camera, mount, &self.classes, self.options)?;
-        let mut find = |image: DepthImage<'_>| {
-            detector.reset(); // obstacles of one image must not be remembered in the other
-            detector.detect(&image, 0).map(|found| found.sectors.clone())
-        };
-        let (truth, predicted) = (find(truth)?, find(predicted)?);
-        truth.iter().zip(&predicted).for_each(|(truth, predicted)| self.counts.add(truth, predicted));
+        let true_sectors = detector.detect(&truth, 0)?.sectors.clone();
+        self.floor.add(id, &detector, &mount, &truth);
+        detector.reset(); // obstacles of one image must not be remembered in the other
+        let predicted = &detector.detect(&predicted, 0)?.sectors;
+        true_sectors.iter().zip(predicted).for_each(|(truth, predicted)| self.counts.add(truth, predicted));
         Ok(())
+    }
+
+    /// Reports a mount that is probably wrong.
+    pub(crate) fn report(&self, on_event: OnEvent<'_>) {
+        if !self.floor.report(on_event) && self.counts.are_empty() {
+            let text = "no direction shows a true obstacle or free floor, so that nothing was compared";
+            let hint = "check the mount: z is in meters, pitch in radians, and a positive pitch looks down";
+            on_event(Event::WrongMount { text, hint });
+        }
     }
 
     pub(crate) fn scores(&self) -> ObstacleScores {
@@ -93,6 +122,12 @@ impl ObstacleCounts {
             self.unknown += u64::from(is_short && is_unknown);
             self.false_alarms += u64::from(is_short && !is_unknown && predicted.state() != SectorState::Free);
         }
+    }
+
+    /// Whether no sector counts.
+    fn are_empty(&self) -> bool {
+        let sectors = |group: &Group| group.found + group.unknown + group.missed;
+        self.clear == 0 && self.by_distance.iter().map(sectors).sum::<u64>() == 0
     }
 
     fn scores(&self, classes: &[String]) -> ObstacleScores {
@@ -220,6 +255,8 @@ fn number(share: Option<f64>) -> String {
 
 #[cfg(test)]
 mod tests {
+    use nunet_core::camera::Intrinsics;
+
     use super::*;
 
     fn sector(state: SectorState, range_m: f32, obstacle_m: f32) -> ObstacleSector {
@@ -230,6 +267,61 @@ mod tests {
         let mut counts = ObstacleCounts::default();
         pairs.iter().for_each(|(truth, predicted)| counts.add(truth, predicted));
         counts.scores(&["chair".to_owned()])
+    }
+
+    const SIZE: (u32, u32) = (64, 48);
+
+    /// The warnings about the mount `given` for images of level floor with the mounts `real`; `None` for an
+    /// image of a wall.
+    fn warnings(given: Mount, real: &[Option<Mount>]) -> Vec<String> {
+        let camera = Intrinsics::new(50.0, 50.0, 31.5, 23.5, SIZE.0, SIZE.1).unwrap();
+        let classes = ["floor", "wall"].map(str::to_owned);
+        let mut comparison = ObstacleComparison::new(ObstacleOptions::default(), &classes);
+        for (index, real) in real.iter().enumerate() {
+            let depth = |pixel: u32| {
+                let (column, row) = (f64::from(pixel % SIZE.0), f64::from(pixel / SIZE.0));
+                let ray = [(column - 31.5) / 50.0, (row - 23.5) / 50.0, 1.0];
+                let Some(mount) = real else { return 0.4 };
+                let slope = mount.to_base(ray)[2] - mount.height_m();
+                if slope < -0.02 { (-mount.height_m() / slope) as f32 } else { f32::NAN }
+            };
+            let depth_m: Vec<f32> = (0..SIZE.0 * SIZE.1).map(depth).collect();
+            let is_wall = |depth: &f32| u8::from(real.is_none() || depth.is_nan());
+            let labels: Vec<u8> = depth_m.iter().map(is_wall).collect();
+            let image = DepthImage { depth_m: &depth_m, labels: Some(&labels), confidence: None };
+            comparison.add(&format!("{index:04}"), &Camera::pinhole(camera), given, [image; 2]).unwrap();
+        }
+        let mut warnings = Vec::new();
+        comparison.report(&mut |event| {
+            if let Event::WrongMount { text, hint } = event {
+                warnings.push(format!("{text} ({hint})"));
+            }
+        });
+        warnings
+    }
+
+    #[test]
+    fn a_mount_that_most_true_floor_contradicts_is_reported() {
+        let mount = |height, roll, pitch| Mount::new([0.0, 0.0, height], [roll, pitch, 0.0]).unwrap();
+        let real = Some(mount(0.25, 0.0, -0.07));
+        for wrong in [mount(0.25, 3.14, -0.07), mount(0.25, 0.0, 0.07), mount(25.0, 0.0, -0.07)] {
+            let found = warnings(wrong, &[None, real, real]);
+            let [text] = &found[..] else { panic!("{wrong:?}: {found:?}") };
+            assert!(text.contains("in 2 of 2 images") && text.contains("`0001`"), "{text}");
+            assert!(text.contains("0.25 m below the camera with a roll of 0.00 rad"), "{text}");
+        }
+        for right in [mount(0.25, 0.0, -0.07), mount(0.26, 0.0, -0.05)] {
+            for images in [&[None, real, real][..], &[None]] {
+                assert_eq!(warnings(right, images), Vec::<String>::new(), "{right:?}: {images:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_mount_with_which_nothing_can_be_compared_is_reported() {
+        // Everything is above the robot, and no floor is in view.
+        let found = warnings(Mount::new([0.0, 0.0, 25.0], [0.0, -1.0, 0.0]).unwrap(), &[None]);
+        assert!(found.len() == 1 && found[0].starts_with("no direction shows"), "{found:?}");
     }
 
     #[test]

@@ -2,11 +2,12 @@
 //!
 //! With such a mount the floor is not where it is expected, and most directions are `drop` or `unknown`.
 
+use std::fmt::Display;
 use std::time::{Duration, Instant};
 
 use nunet_core::camera::Mount;
 use nunet_core::depth::DepthImage;
-use nunet_core::obstacle::{FloorMismatch, Ground, ObstacleDetector};
+use nunet_core::obstacle::{FloorMismatch, Ground, ObstacleDetector, Obstacles};
 use nunet_types::{Hint as _, counted};
 use tracing::warn;
 
@@ -54,6 +55,27 @@ impl MountCheck {
         }
         if !self.has_found && self.without_floor == NEVER_FOUND && self.warned.is_none() {
             self.warn_of_no_floor(detector, now);
+        }
+    }
+
+    /// Warns if the floor of one image contradicts the mount, at most once per period: the image is one of
+    /// many that belong to different places. Without labels of floor, a table would be taken for it.
+    pub(crate) fn check_alone(
+        &mut self,
+        detector: &ObstacleDetector,
+        mount: &Mount,
+        image: &DepthImage<'_>,
+        name: &dyn Display,
+        now: Instant,
+    ) {
+        let Obstacles { ground, used_labels, .. } = detector.last();
+        let is_elsewhere = !ground.is_refined || ground.tilt_rad() > MAX_TILT_RAD;
+        if *used_labels && is_elsewhere && self.is_due(now) {
+            let found = detector.floor_view(image).and_then(|seen| FloorMismatch::of_image(seen, mount));
+            if let Some(found) = found {
+                self.warned = Some(now);
+                warn!(hint = found.hint().as_deref(), "{name}: {found}");
+            }
         }
     }
 
@@ -166,6 +188,32 @@ mod tests {
         let seen_before = [&[&real[..]][..], &[&wall[..]; 400]].concat();
         assert!(warnings_of(&given, &seen_before, 400).is_empty(), "it found the floor before");
         assert!(warnings_of(&looks_up, &[&wall[..]], 400).is_empty(), "it expects none");
+    }
+
+    #[test]
+    fn one_image_is_enough_if_its_floor_is_labeled() {
+        let mount = |height, roll, pitch| Mount::new([0.0, 0.0, height], [roll, pitch, 0.0]).unwrap();
+        let real = mount(0.25, 0.0, -0.07);
+        let floor = floor(&real);
+        let labels: Vec<u8> = floor.iter().map(|depth| u8::from(!depth.is_finite())).collect();
+        let classes = ["floor", "wall"].map(str::to_owned);
+        let is_warned = |given: Mount, depth_m: &[f32], labels: Option<&[u8]>| {
+            let options = ObstacleOptions::default();
+            let mut detector = ObstacleDetector::new(&camera(), given, &classes, options).unwrap();
+            let image = DepthImage { depth_m, labels, confidence: None };
+            detector.detect(&image, 0).unwrap();
+            let mut check = MountCheck::default();
+            check.check_alone(&detector, &given, &image, &"`a.jpg`", Instant::now());
+            check.warned.is_some()
+        };
+        for wrong in [mount(0.25, 3.1416, -0.07), mount(0.25, 0.0, 1.57), mount(25.0, 0.0, -0.07)] {
+            assert!(is_warned(wrong, &floor, Some(&labels)), "{wrong:?}");
+            assert!(!is_warned(wrong, &floor, None), "what looks like floor may be a table");
+        }
+        assert!(!is_warned(real, &floor, Some(&labels)));
+        let (wall, no_floor) = (vec![0.4; floor.len()], vec![1; floor.len()]);
+        assert!(!is_warned(real, &wall, Some(&no_floor)), "an image without floor");
+        assert!(!is_warned(real, &wall, Some(&labels)), "a wall that is labeled floor");
     }
 
     #[test]

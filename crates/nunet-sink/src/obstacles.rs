@@ -1,6 +1,7 @@
 //! The stage that finds obstacles. It runs after the pipeline, only for frames whose obstacles a reader or a
 //! sink needs.
 
+use std::fmt::Display;
 use std::time::Instant;
 
 use nunet_core::camera::{Camera, Mount};
@@ -72,9 +73,6 @@ impl ObstacleStage {
     ///
     /// # Errors
     /// Buffers of another size than the camera's image.
-    ///
-    /// # Panics
-    /// Never: the detector is created first.
     pub fn detect(
         &mut self,
         camera: &Camera,
@@ -82,6 +80,38 @@ impl ObstacleStage {
         capture_nanos: i64,
         now: Instant,
     ) -> Result<&Obstacles, ObstacleError> {
+        let mount = self.config.mount;
+        let (detector, mount_check) = self.run(camera, image, capture_nanos)?;
+        mount_check.check(detector, &mount, image, now);
+        Ok(detector.last())
+    }
+
+    /// The same for an image that is independent of those before, which are forgotten. If its floor
+    /// contradicts the mount, a warning with its `name` says so.
+    ///
+    /// # Errors
+    /// Buffers of another size than the camera's image.
+    pub fn detect_alone(
+        &mut self,
+        camera: &Camera,
+        image: &DepthImage<'_>,
+        name: &dyn Display,
+        now: Instant,
+    ) -> Result<&Obstacles, ObstacleError> {
+        self.reset();
+        let mount = self.config.mount;
+        let (detector, mount_check) = self.run(camera, image, 0)?;
+        mount_check.check_alone(detector, &mount, image, name, now);
+        Ok(detector.last())
+    }
+
+    /// Finds the obstacles. Returns the detector that did, and what checks its mount.
+    fn run(
+        &mut self,
+        camera: &Camera,
+        image: &DepthImage<'_>,
+        capture_nanos: i64,
+    ) -> Result<(&ObstacleDetector, &mut MountCheck), ObstacleError> {
         let is_known = self.detector.as_ref().is_some_and(|(known, _)| known == camera);
         if !is_known {
             self.detector = Some((*camera, self.new_detector(camera)?));
@@ -91,8 +121,7 @@ impl ObstacleStage {
             detector.set_mount(self.config.mount);
         }
         detector.detect(image, capture_nanos)?;
-        self.mount_check.check(detector, &self.config.mount, image, now);
-        Ok(detector.last())
+        Ok((&*detector, &mut self.mount_check))
     }
 
     fn new_detector(&self, camera: &Camera) -> Result<ObstacleDetector, ObstacleError> {

@@ -103,6 +103,7 @@ fn log(problem: Event<'_>) {
             error!(hint, "skipped {} for the same reason: {reason}", counted(count, "image"));
         }
         Event::Warning(text) => warn!("{text}"),
+        Event::WrongMount { text, hint } => warn!(hint, "{text}"),
         Event::DimImages(found) => warn!(hint = found.hint().as_deref(), "{found}"),
         Event::Camera(news) => warn_of_camera(&news),
         Event::JoinedByTime { by_time, by_name, apart_ms } => info!(

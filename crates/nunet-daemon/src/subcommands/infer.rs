@@ -211,18 +211,17 @@ impl Work {
         nunet_sink::image_check::warn_of_image(image, &report, &self.pipeline);
         let done_nanos = MonotonicClock.nanos();
         write_results(folder, &self.results(&report))?;
-        self.write_obstacles(folder)?;
+        self.write_obstacles(image, folder)?;
         let stats = self.stats(image, &report, [start_nanos, ready_nanos, done_nanos]);
         Ok(write_json(&folder.join("stats.json"), &stats)?)
     }
 
     /// Writes the obstacles of the image, if they were requested.
-    fn write_obstacles(&mut self, folder: &Path) -> anyhow::Result<()> {
+    fn write_obstacles(&mut self, path: &Path, folder: &Path) -> anyhow::Result<()> {
         let Some(stage) = &mut self.obstacles else { return Ok(()) };
-        let config = *stage.config();
-        let image = self.buffers.depth_image(&self.pipeline);
-        stage.reset(); // obstacles of one image must not be remembered in the next
-        let found = stage.detect(self.pipeline.points_camera(), &image, 0, std::time::Instant::now())?;
+        let (config, image) = (*stage.config(), self.buffers.depth_image(&self.pipeline));
+        let (camera, name) = (self.pipeline.points_camera(), format!("`{}`", path.display()));
+        let found = stage.detect_alone(camera, &image, &name, std::time::Instant::now())?;
         let image = self.frame.view()?;
         let rgb = self.pipeline.network_image(&image);
         ObstacleView { found, config: &config, pipeline: &self.pipeline, rgb }.write(folder)

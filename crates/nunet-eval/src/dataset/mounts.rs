@@ -4,12 +4,13 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use nunet_core::camera::{Mount, MountError};
+use nunet_core::camera::{Mount, MountDoubt, MountError};
 use nunet_types::Hint as _;
 use serde::Deserialize;
 
 use super::table::{by_id, rows};
 use crate::error::{Cause, EvalError};
+use crate::event::{Event, OnEvent};
 use crate::text_file::read_list;
 
 /// The file in the dataset's folder.
@@ -52,6 +53,15 @@ impl ImageMounts {
         }
         let reason = "it has no rows, expected one for each image".to_owned();
         Err(EvalError::Mounts { path, reason, hint: Some(COLUMNS_HINT.into()) })
+    }
+
+    /// Reports the first mount that is possible, but probably a mistake.
+    pub(crate) fn report_doubt(&self, on_event: OnEvent<'_>) {
+        let doubt = |(id, mount): (_, &Mount)| Some((id, MountDoubt::of(mount.roll_pitch_yaw_rad())?));
+        if let Some((id, doubt)) = self.0.iter().find_map(doubt) {
+            let text = format!("`{FILE}`: image `{id}`: {doubt}");
+            on_event(Event::WrongMount { text: &text, hint: &doubt.hint().unwrap_or_default() });
+        }
     }
 
     /// The mount for an image; `all` is that of images without a row.
@@ -128,6 +138,24 @@ mod tests {
             "{error}"
         );
         assert!(error.hint().is_some());
+    }
+
+    #[test]
+    fn the_first_row_whose_angles_are_probably_degrees_is_reported() {
+        let mut reported = Vec::new();
+        for (rows, count) in
+            [("a,0,0,1,0,-0.07,0\n", 0), ("a,0,0,1,0,0,0\nb,0,0,1,0,-4,0\nc,0,0,1,4,0,0\n", 1)]
+        {
+            let mounts = ImageMounts(read_text(&format!("id,x,y,z,roll,pitch,yaw\n{rows}")).unwrap());
+            mounts.report_doubt(&mut |event| {
+                if let Event::WrongMount { text, hint } = event {
+                    reported.push((text.to_owned(), hint.to_owned()));
+                }
+            });
+            assert_eq!(reported.len(), count, "{rows}");
+        }
+        let (text, hint) = &reported[0];
+        assert!(text.contains("image `b`: mount: pitch is -4 rad") && hint.contains("radians"), "{text}");
     }
 
     #[test]

@@ -1,0 +1,61 @@
+//! Warns of a mount that the floor of the true depth contradicts.
+//!
+//! True depth has no error, so the scores of obstacles say little if its floor is not where the mount expects
+//! it.
+
+use nunet_core::camera::Mount;
+use nunet_core::depth::DepthImage;
+use nunet_core::obstacle::{FloorMismatch, ObstacleDetector};
+use nunet_types::{Hint as _, counted};
+
+use crate::event::{Event, OnEvent};
+
+/// A ground that is tilted by more, 5 degrees, is not the floor that the mount expects, radians.
+const MAX_TILT_RAD: f32 = 0.087;
+
+/// Counts the images whose true floor contradicts their mount.
+#[derive(Debug, Default)]
+pub(crate) struct TruthFloor {
+    /// The images that show floor.
+    with_floor: usize,
+    contradicting: usize,
+    /// The first of these.
+    first: Option<(String, FloorMismatch)>,
+}
+
+impl TruthFloor {
+    /// Counts an image whose true depth `detector` has processed.
+    pub(crate) fn add(
+        &mut self,
+        id: &str,
+        detector: &ObstacleDetector,
+        mount: &Mount,
+        truth: &DepthImage<'_>,
+    ) {
+        let ground = detector.last().ground;
+        if ground.is_refined && ground.tilt_rad() <= MAX_TILT_RAD {
+            self.with_floor += 1;
+        } else if let Some(seen) = detector.floor_view(truth) {
+            self.with_floor += 1;
+            if let Some(found) = FloorMismatch::of_frames(seen, mount) {
+                self.contradicting += 1;
+                self.first.get_or_insert_with(|| (id.to_owned(), found));
+            }
+        }
+    }
+
+    /// Reports a mount that more than half of the images with floor contradict, and returns whether it did.
+    pub(crate) fn report(&self, on_event: OnEvent<'_>) -> bool {
+        let Self { with_floor, contradicting, first } = self;
+        let Some((id, found)) = first.as_ref().filter(|_| 2 * contradicting > *with_floor) else {
+            return false;
+        };
+        let images = counted(*with_floor, "image");
+        let text = format!(
+            "the true floor contradicts the mount in {contradicting} of {images} with floor, first in `{id}`: \
+             {found}"
+        );
+        on_event(Event::WrongMount { text: &text, hint: &found.hint().unwrap_or_default() });
+        true
+    }
+}
