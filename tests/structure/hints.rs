@@ -35,10 +35,11 @@ fn hints_in_texts(path: &str, text: &str) -> Vec<String> {
 }
 
 /// Types with hints that are in no chain of causes, and what their hints are copied into instead.
-const COPIED: [(&str, &str); 6] = [
+const COPIED: [(&str, &str); 7] = [
     ("AddressError", "`BadArguments`: it is an error of a flag"),
     ("CameraFault", "`SourceError`"),
     ("DimImages", "a warning of what reads the images"),
+    ("FactorDoubt", "a warning of `calibrate`"),
     ("FloorMismatch", "a warning of what knows the mount"),
     ("MountDoubt", "a warning of what reads the mount"),
     ("NoAttitude", "a warning of `AttitudeStage`"),

@@ -82,7 +82,9 @@ mod sparsification;
 mod text_file;
 mod truth_floor;
 
-pub use calibrate::{Agreement, CalibrateError, Calibrator, Point, Reference, files_of_readings};
+pub use calibrate::{
+    Agreement, CalibrateError, Calibrator, FactorDoubt, Point, Reference, files_of_readings,
+};
 pub use error::{EvalError, EvalErrorKind};
 pub use evaluation::{Evaluation, Evaluator, FILES};
 pub use event::Event;

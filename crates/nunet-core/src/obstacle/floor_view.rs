@@ -106,6 +106,18 @@ impl FloorView {
         Self { height_m: mount.height_m() as f32, down }
     }
 
+    /// The middle one of many views of one camera, part by part; `None` without any.
+    #[must_use]
+    pub fn median(views: &[Self]) -> Option<Self> {
+        let middle = |part: fn(&Self) -> f32| {
+            let mut parts: Vec<f32> = views.iter().map(part).collect();
+            parts.sort_unstable_by(f32::total_cmp);
+            parts.get(parts.len() / 2).copied()
+        };
+        let down = [middle(|view| view.down.x)?, middle(|view| view.down.y)?, middle(|view| view.down.z)?];
+        Some(Self { height_m: middle(|view| view.height_m)?, down: Vector3::from(down).normalize() })
+    }
+
     /// The roll of a mount with this view, radians: positive if the camera's right side is lower.
     #[must_use]
     pub fn roll_rad(&self) -> f32 {
@@ -116,6 +128,13 @@ impl FloorView {
     #[must_use]
     pub fn pitch_rad(&self) -> f32 {
         self.down.z.clamp(-1.0, 1.0).asin()
+    }
+
+    /// Roll and pitch as a text: `a roll of 0.00 rad and a pitch of -0.07 rad`.
+    #[must_use]
+    pub fn angles_text(&self) -> String {
+        let [roll, pitch] = [self.roll_rad(), self.pitch_rad()].map(in_hundredths);
+        format!("a roll of {roll:.2} rad and a pitch of {pitch:.2} rad")
     }
 
     /// Whether both cannot be the same floor: the errors of depth do not explain the difference.
@@ -149,12 +168,7 @@ impl FloorView {
 
 impl fmt::Display for FloorView {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { height_m, .. } = self;
-        let [roll, pitch] = [self.roll_rad(), self.pitch_rad()].map(in_hundredths);
-        write!(
-            f,
-            "{height_m:.2} m below the camera with a roll of {roll:.2} rad and a pitch of {pitch:.2} rad"
-        )
+        write!(f, "{:.2} m below the camera with {}", self.height_m, self.angles_text())
     }
 }
 
@@ -213,6 +227,17 @@ mod tests {
                 assert!(found.contradicts(&FloorView::of_mount(&wrong.unwrap())), "{found:?}");
             }
         }
+    }
+
+    #[test]
+    fn an_outlier_does_not_change_the_median_of_views() {
+        let view =
+            |height, pitch| FloorView::of_mount(&Mount::new([0.0, 0.0, height], [0.02, pitch, 0.0]).unwrap());
+        let views = [view(0.25, -0.06), view(0.2, 0.9), view(0.9, -0.09), view(0.3, -0.07), view(0.22, -0.1)];
+        let middle = FloorView::median(&views).unwrap();
+        assert!((middle.pitch_rad() + 0.07).abs() < 0.01 && middle.height_m == 0.25, "{middle}");
+        assert!((middle.roll_rad() - 0.02).abs() < 0.01, "{middle}");
+        assert_eq!(FloorView::median(&[]), None);
     }
 
     #[test]

@@ -14,6 +14,7 @@ use super::ScaleError;
 use crate::camera::{Camera, MAX_SCALE_FACTOR, MIN_SCALE_FACTOR, Mount, RayTable};
 use crate::depth::DepthImage;
 use crate::label_roles::{Role, Roles};
+use crate::obstacle::FloorView;
 
 /// The largest number of pixels that are used: about 0.1 ms.
 const MAX_SAMPLES: usize = 8192;
@@ -149,6 +150,13 @@ impl FloorGauge {
     #[must_use]
     pub fn floor_in_view(&self) -> f32 {
         self.samples.len() as f32 / self.looked_at.max(1) as f32
+    }
+
+    /// The floor that a frame shows, whatever the mount says. Its height is that of unscaled depth, and its
+    /// direction does not depend on the scale. Allocates.
+    #[must_use]
+    pub fn floor_view(&self, image: &DepthImage<'_>) -> Option<FloorView> {
+        FloorView::of_image(&self.rays, &self.roles, image)
     }
 
     /// The ratio of a frame; `None` without labels or enough floor, if its ratios do not agree, or if

@@ -10,7 +10,7 @@ use nunet_engine::{Engine, EngineOptions, ModelName, find_model, model_folders};
 use nunet_eval::{Agreement, CalibrateError, Calibrator, EvalOptions, Event, Reference, files_of_readings};
 use nunet_files::check_writable;
 use nunet_sink::file_plan::{FilePlan, place};
-use nunet_types::counted;
+use nunet_types::{Hint as _, counted};
 use serde_json::json;
 use tracing::{info, warn};
 
@@ -80,6 +80,7 @@ pub(crate) fn calibrate(options: &CalibrateOptions) -> anyhow::Result<Outcome> {
         written.map_err(explained)?;
     }
     report(options, &found, &model)?;
+    calibrator.doubts(&found).iter().for_each(|doubt| warn!(hint = doubt.hint().as_deref(), "{doubt}"));
     Ok(Outcome::Done)
 }
 
@@ -177,9 +178,6 @@ fn report(options: &CalibrateOptions, found: &Agreement, model: &ModelName) -> a
     match &options.out {
         Some(path) => info!("use it: --calibration {}", path.display()),
         None => info!("use it: --scale {factor:.4}; --out FILE.yaml writes a calibration file"),
-    }
-    if observations > 1 && agreeing < observations {
-        warn!("{} of {observations} observations are outliers", observations - agreeing);
     }
     Ok(())
 }

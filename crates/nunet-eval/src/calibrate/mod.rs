@@ -4,6 +4,7 @@
 //! their median, if they agree.
 
 mod agreement;
+mod doubt;
 mod error;
 mod file;
 mod readings;
@@ -13,6 +14,7 @@ use std::path::{Path, PathBuf};
 
 use nunet_core::camera::{Camera, Mount, RayTable, check_scale_factor};
 use nunet_core::depth::DepthImage;
+use nunet_core::obstacle::FloorView;
 use nunet_core::pipeline::{Outputs, Pipeline};
 use nunet_core::scale::FloorGauge;
 use nunet_source::{BitDepthCheck, CameraNews, CameraResolver, Frame, Rotator, decode};
@@ -30,6 +32,7 @@ use crate::median::median;
 use crate::options::EvalOptions;
 
 pub use self::agreement::Agreement;
+pub use self::doubt::FactorDoubt;
 pub use self::error::CalibrateError;
 pub use self::readings::files as files_of_readings;
 
@@ -80,6 +83,8 @@ pub struct Calibrator {
     labels: Vec<u8>,
     /// For the camera and the mount of the last frame.
     gauge: Option<(Camera, Mount, FloorGauge)>,
+    /// The floors that frames show, for a look at the mount.
+    floors: Vec<FloorView>,
     /// The camera of the images, if it is known.
     camera: Option<Camera>,
     observations: Vec<Observation>,
@@ -98,6 +103,7 @@ impl Calibrator {
             pipeline,
             resolver,
             gauge: None,
+            floors: Vec::new(),
             camera: None,
             observations: Vec::new(),
             needed: NEEDED,
@@ -314,6 +320,7 @@ impl Calibrator {
         }
         let labels = (!self.labels.is_empty()).then_some(&self.labels[..]);
         let image = DepthImage { depth_m: &self.depth_m, labels, confidence: self.pipeline.confidence() };
+        self.floors.extend(self.gauge.as_ref().and_then(|(.., gauge)| gauge.floor_view(&image)));
         let found = self.gauge.as_mut().and_then(|(.., gauge)| gauge.measure(&image));
         Ok(found.map(|found| f64::from(found.ratio)))
     }
