@@ -274,8 +274,12 @@ mod tests {
     /// The warnings about the mount `given` for images of level floor with the mounts `real`; `None` for an
     /// image of a wall.
     fn warnings(given: Mount, real: &[Option<Mount>]) -> Vec<String> {
+        warnings_with(&["floor", "wall"], given, real)
+    }
+
+    fn warnings_with(classes: &[&str], given: Mount, real: &[Option<Mount>]) -> Vec<String> {
         let camera = Intrinsics::new(50.0, 50.0, 31.5, 23.5, SIZE.0, SIZE.1).unwrap();
-        let classes = ["floor", "wall"].map(str::to_owned);
+        let classes: Vec<String> = classes.iter().map(|&name| name.to_owned()).collect();
         let mut comparison = ObstacleComparison::new(ObstacleOptions::default(), &classes);
         for (index, real) in real.iter().enumerate() {
             let depth = |pixel: u32| {
@@ -314,6 +318,17 @@ mod tests {
             for images in [&[None, real, real][..], &[None]] {
                 assert_eq!(warnings(right, images), Vec::<String>::new(), "{right:?}: {images:?}");
             }
+        }
+    }
+
+    #[test]
+    fn without_labels_of_floor_three_images_must_contradict_the_mount() {
+        let [real, given] =
+            [-0.07, 0.07].map(|pitch| Mount::new([0.0, 0.0, 0.25], [0.0, pitch, 0.0]).unwrap());
+        for (images, count) in [(2, 0), (3, 1)] {
+            let images_and_wall = [vec![None], vec![Some(real); images]].concat();
+            let found = warnings_with(&["a", "b"], given, &images_and_wall);
+            assert_eq!(found.len(), count, "{images}: {found:?}");
         }
     }
 

@@ -258,8 +258,8 @@ impl ObstacleDetector {
     }
 
     /// The floor that a frame shows, whatever the mount says: the plane of what is labeled floor, without
-    /// labels of the lower half of the image. `None` if that is no plane below the camera, or less than 5 % of
-    /// the image. Allocates; for frames that contradict the mount.
+    /// labels of the lower half of the image. `None` if that is no plane below the camera, or covers less
+    /// than 5 % of the image. Allocates; for frames that contradict the mount.
     #[must_use]
     pub fn floor_view(&self, image: &DepthImage<'_>) -> Option<FloorView> {
         self.check(image).ok()?;
