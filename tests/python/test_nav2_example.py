@@ -71,9 +71,14 @@ POLYGON = {
 MONITOR_SOURCE = {"type", "topic", "min_height", "max_height", "enabled", "source_timeout"}
 
 
+def names(listed):
+    """The names in a list, or in a string with spaces between them."""
+    return listed.split() if isinstance(listed, str) else listed
+
+
 def check(table, known, groups):
     """Every key is known, or a group that is listed, whose keys are."""
-    listed = {name: keys for key, keys in groups.items() for name in table[key]}
+    listed = {name: keys for key, keys in groups.items() for name in names(table[key])}
     assert set(table) - known == set(listed)
     for name, keys in listed.items():
         assert set(table[name]) <= keys, name
@@ -92,6 +97,17 @@ def test_every_parameter_is_documented():
     assert monitor["source_timeout"] > 0, "0 would let the robot drive on without data"
 
 
+def test_each_source_has_heights_that_keep_its_points():
+    """Nav2's default is 0.0 for both heights of a source, so only points at exactly this height are kept."""
+    costmap = parameters()["local_costmap"]["local_costmap"]["ros__parameters"]
+    layer = costmap["obstacle_layer"]
+    assert isinstance(layer["observation_sources"], str), "Nav2's layer declares a string, unlike its monitor"
+    for name in names(layer["observation_sources"]):
+        assert layer[name]["min_obstacle_height"] < layer[name]["max_obstacle_height"], name
+    scan = layer["front_scan"]
+    assert layer["min_obstacle_height"] <= scan["min_obstacle_height"] < 0 < scan["max_obstacle_height"]
+
+
 def test_topics_and_frame_are_those_of_nunetd(nunetd, tmp_path):
     recording = tmp_path / "front.mcap"
     source = ["--source", "demo", "--frames", "2", "--camera", f"front-{os.getpid()}"]
@@ -104,7 +120,9 @@ def test_topics_and_frame_are_those_of_nunetd(nunetd, tmp_path):
     found = parameters()
     layer = found["local_costmap"]["local_costmap"]["ros__parameters"]["obstacle_layer"]
     monitor = found["collision_monitor"]["ros__parameters"]
-    topics = {table[name]["topic"] for table in (layer, monitor) for name in table["observation_sources"]}
+    topics = {
+        table[name]["topic"] for table in (layer, monitor) for name in names(table["observation_sources"])
+    }
     assert topics == {"/front/obstacles/points", "/front/scan"}
     assert topics <= recorded
     assert monitor["base_frame_id"] == "base_link"
