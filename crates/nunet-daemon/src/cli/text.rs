@@ -64,7 +64,8 @@ macro_rules! from_str {
 }
 
 from_str!(BadArguments::of: Provider, IntrinsicsSpec, FilterSpec, MavlinkAddress, LinkName, DepthFormat);
-from_str!(plain: CameraSetting, Rate, Rotation, ImageSize, PixelFormat, MountOption, StabilityLimit, AttitudeSource);
+from_str!(BadArguments::from_text: MountOption);
+from_str!(plain: CameraSetting, Rate, Rotation, ImageSize, PixelFormat, StabilityLimit, AttitudeSource);
 
 fn plain(error: &impl Display) -> BadArguments {
     BadArguments::new(error.to_string())
@@ -115,8 +116,7 @@ const MAX_READERS: u32 = 62;
 
 impl FromText for Readers {
     fn from_text(text: &str) -> Result<Self, BadArguments> {
-        let expected = format!("1 to {MAX_READERS}");
-        parsed(text, &expected, |readers: &NonZeroU32| readers.get() <= MAX_READERS).map(Self)
+        parsed(text, &format!("1 to {MAX_READERS}"), |most: &NonZeroU32| most.get() <= MAX_READERS).map(Self)
     }
 }
 
@@ -207,6 +207,8 @@ impl FromText for Hash {
 
 #[cfg(test)]
 mod tests {
+    use nunet_types::split_hint;
+
     use super::*;
 
     #[test]
@@ -215,6 +217,15 @@ mod tests {
         for wrong in ["", "a\nb", "a\u{7}", &"x".repeat(MAX_FRAME_ID + 1)] {
             assert!(FrameId::from_text(wrong).is_err(), "{wrong:?}");
         }
+    }
+
+    #[test]
+    fn an_error_has_no_escaped_line_end_before_its_hint() {
+        let degrees = MountOption::from_text("0,0,0.25,180,-4,0").unwrap_err();
+        assert_eq!(degrees.to_string(), "mount: roll is 180, expected -2π to 2π");
+        let written = "0,0,0.25,180,-4,0".parse::<Text<MountOption>>().unwrap_err();
+        let hint = "give angles in radians: 90 degrees are 1.571";
+        assert_eq!(split_hint(&written), (&*degrees.to_string(), Some(hint.to_owned())));
     }
 
     #[test]
