@@ -2,6 +2,7 @@
 //! or in a recording.
 
 use std::borrow::Cow;
+use std::f64::consts::FRAC_PI_2;
 use std::str::FromStr;
 use std::time::Instant;
 
@@ -18,6 +19,10 @@ use crate::obstacles::ObstacleStage;
 /// A smaller change does not change the mount (0.1 degrees): its tables are computed again each time, and the
 /// ground is measured in each frame anyway.
 const MIN_CHANGE_RAD: f32 = 0.0017;
+
+/// For an attitude that no robot has that drives.
+const WRONG_ATTITUDE_HINT: &str =
+    "give roll and pitch of the base, not of the sensor, in radians: both are 0 on a level floor";
 
 /// Where the attitude comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,7 +54,7 @@ pub struct AttitudeConfig {
     pub mount: Mount,
 }
 
-/// Why an attitude is not known, and a hint.
+/// Why an attitude is not known or cannot be used, and a hint.
 type Unknown = (String, Option<Cow<'static, str>>);
 
 /// Follows the attitude of a robot's base.
@@ -125,14 +130,24 @@ impl AttitudeStage {
         Ok([sample.roll_rad, sample.pitch_rad])
     }
 
+    /// The mount on a robot with this attitude. One beyond a quarter turn is in degrees, or that of a sensor
+    /// that is upside down on the robot.
+    fn tilted(&self, attitude: [f32; 2]) -> Result<Mount, Unknown> {
+        let [roll_rad, pitch_rad] = attitude.map(f64::from);
+        let wrong = |why: String| {
+            let text = format!("roll {roll_rad:.2}, pitch {pitch_rad:.2} rad {why}");
+            (text, Some(Cow::Borrowed(WRONG_ATTITUDE_HINT)))
+        };
+        if roll_rad.abs().max(pitch_rad.abs()) > FRAC_PI_2 {
+            return Err(wrong("is more than a quarter turn (1.57)".to_owned()));
+        }
+        let mount = self.level.on_tilted_base(roll_rad, pitch_rad);
+        mount.map_err(|error| wrong(format!("is impossible with this mount ({error})")))
+    }
+
     /// The mount of a frame; `None` if it is that of the frame before.
     fn new_mount(&mut self, frame: &Frame) -> Option<Mount> {
-        let tilted = self.attitude_of(frame).and_then(|attitude| {
-            let [roll_rad, pitch_rad] = attitude.map(f64::from);
-            let mount = self.level.on_tilted_base(roll_rad, pitch_rad);
-            let mount = mount.map_err(|error| (error.to_string(), error.hint()))?;
-            Ok((attitude, mount))
-        });
+        let tilted = self.attitude_of(frame).and_then(|attitude| Ok((attitude, self.tilted(attitude)?)));
         self.frames += 1;
         self.is_known = tilted.is_ok();
         let (attitude, mount) = tilted.unwrap_or_else(|(reason, hint)| {
@@ -154,19 +169,27 @@ impl AttitudeStage {
     }
 
     fn warn(&mut self, reason: &str, hint: Option<&str>) {
-        let Self { frames, frames_without, .. } = self;
-        let text = format!(
-            "the robot counts as level in {frames_without} of {}, because its attitude is unknown: {reason}",
-            counted(*frames, "frame")
-        );
-        if let Some(suppressed) = self.warned.allow_text(Instant::now(), &text) {
-            warn!(hint, "{text}{suppressed}");
+        if let Some(text) = self.warning(reason, Instant::now()) {
+            warn!(hint, "{text}");
         }
+    }
+
+    /// The warning, if none was logged in the last 10 s, whatever its reason and its counts.
+    fn warning(&mut self, reason: &str, now: Instant) -> Option<String> {
+        let suppressed = self.warned.allow_text(now, "")?;
+        let Self { frames, frames_without, .. } = self;
+        let frames = counted(*frames, "frame");
+        Some(format!(
+            "the robot counts as level in {frames_without} of {frames}, because its attitude is unknown: \
+             {reason}{suppressed}"
+        ))
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use nunet_ipc::{AttitudePublisher, Clock};
 
     use super::*;
@@ -199,6 +222,43 @@ mod tests {
         assert_eq!((stage.new_mount(&capture(900 * MS)), stage.is_known()), (Some(level), false), "stale");
         assert_eq!((stage.new_mount(&capture(600 * MS)), stage.frames_without()), (None, 3), "on its nose");
         assert_eq!(stage.new_mount(&capture(200 * MS)), Some(tilted));
+    }
+
+    fn replayed_on(level: Mount) -> AttitudeStage {
+        let config = AttitudeConfig { source: AttitudeSource::Recording, mount: level };
+        AttitudeStage::new(&CameraName::new("replay").unwrap(), config)
+    }
+
+    #[test]
+    fn an_attitude_in_degrees_or_of_a_sensor_upside_down_is_refused_by_its_numbers() {
+        let stage = replayed_on(Mount::new([0.0, 0.0, 0.25], [0.0; 3]).unwrap());
+        for ([roll, pitch], text) in [
+            ([2.0, -3.0], "roll 2.00, pitch -3.00 rad is more than a quarter turn (1.57)"),
+            ([std::f32::consts::PI, 0.0], "roll 3.14, pitch 0.00 rad is more than a quarter turn (1.57)"),
+        ] {
+            let hint = Some(Cow::Borrowed(WRONG_ATTITUDE_HINT));
+            assert_eq!(stage.tilted([roll, pitch]), Err((text.to_owned(), hint)));
+        }
+        let stage = replayed_on(Mount::new([0.5, 0.0, 0.25], [0.0; 3]).unwrap());
+        let (text, _) = stage.tilted([0.0, 1.0]).unwrap_err();
+        let impossible =
+            "roll 0.00, pitch 1.00 rad is impossible with this mount (mount: the camera is -0.28";
+        assert!(text.starts_with(impossible), "{text}");
+        assert!(stage.tilted([0.5, -0.5]).is_ok());
+    }
+
+    #[test]
+    fn a_warning_comes_once_per_10_seconds_whatever_its_counts_and_its_reason() {
+        let mut stage = replayed_on(Mount::new([0.0, 0.0, 0.25], [0.0; 3]).unwrap());
+        let start = Instant::now();
+        (stage.frames, stage.frames_without) = (1, 1);
+        let first = "the robot counts as level in 1 of 1 frame, because its attitude is unknown: none";
+        assert_eq!(stage.warning("none", start).as_deref(), Some(first));
+        (stage.frames, stage.frames_without) = (2, 2);
+        assert_eq!(stage.warning("none", start), None);
+        assert_eq!(stage.warning("another", start + Duration::from_secs(9)), None);
+        let next = stage.warning("another", start + Duration::from_secs(10)).unwrap();
+        assert!(next.contains("in 2 of 2 frames") && next.contains("another (2 similar"), "{next}");
     }
 
     #[test]

@@ -185,12 +185,13 @@ mod tests {
     }
 
     #[test]
-    fn an_error_prints_no_long_row_of_zeros() {
+    fn an_error_prints_no_long_row_of_digits() {
         for (position, rotation, expected) in [
             ([0.0, 0.0, 1e300], [0.0; 3], "mount: the camera is 1e300 m from the base"),
             ([0.0, 0.0, 1.0], [0.0, 1e300, 0.0], "mount: pitch is 1e300, expected -2π to 2π"),
             ([0.0, 0.0, -1e-300], [0.0; 3], "mount: the camera is -1e-300 m above the floor"),
             ([0.0, 0.0, -0.25], [0.0; 3], "mount: the camera is -0.25 m above the floor"),
+            ([0.0, 0.0, -0.249_999_999_999_2], [0.0; 3], "mount: the camera is -0.25 m above the floor"),
         ] {
             let text = kind(position, rotation).to_string();
             assert!(text.starts_with(expected), "{text}");

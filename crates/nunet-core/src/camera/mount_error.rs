@@ -50,10 +50,10 @@ pub enum MountError {
     },
 }
 
-/// A number without a long row of zeros: 1e300, not 301 digits.
+/// A number without a long row of digits: 1e300, not 301 digits, and -0.25, not -0.24999999999919661.
 fn shown(value: f64) -> String {
     let is_plain = value == 0.0 || (1e-6..1e6).contains(&value.abs());
-    if is_plain { value.to_string() } else { format!("{value:e}") }
+    if is_plain { ((value * 1e6).round() / 1e6).to_string() } else { format!("{value:e}") }
 }
 
 impl MountError {
