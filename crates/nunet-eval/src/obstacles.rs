@@ -308,7 +308,7 @@ mod tests {
     fn a_mount_that_most_true_floor_contradicts_is_reported() {
         let mount = |height, roll, pitch| Mount::new([0.0, 0.0, height], [roll, pitch, 0.0]).unwrap();
         let real = Some(mount(0.25, 0.0, -0.07));
-        for wrong in [mount(0.25, 3.14, -0.07), mount(0.25, 0.0, 0.07), mount(25.0, 0.0, -0.07)] {
+        for wrong in [mount(0.25, 3.1, -0.07), mount(0.25, 0.0, 0.07), mount(25.0, 0.0, -0.07)] {
             let found = warnings(wrong, &[None, real, real]);
             let [text] = &found[..] else { panic!("{wrong:?}: {found:?}") };
             assert!(text.contains("in 2 of 2 images") && text.contains("`0001`"), "{text}");

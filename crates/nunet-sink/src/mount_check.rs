@@ -206,7 +206,7 @@ mod tests {
             check.check_alone(&detector, &given, &image, &"`a.jpg`", Instant::now());
             check.warned.is_some()
         };
-        for wrong in [mount(0.25, 3.1416, -0.07), mount(0.25, 0.0, 1.57), mount(25.0, 0.0, -0.07)] {
+        for wrong in [mount(0.25, 3.1, -0.07), mount(0.25, 0.0, 1.57), mount(25.0, 0.0, -0.07)] {
             assert!(is_warned(wrong, &floor, Some(&labels)), "{wrong:?}");
             assert!(!is_warned(wrong, &floor, None), "what looks like floor may be a table");
         }

@@ -67,6 +67,8 @@ impl Hint for FloorMismatch {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::{FRAC_PI_2, PI};
+
     use super::*;
 
     /// The mismatch of what a camera with the first mount sees, for one that is given as the second.
@@ -78,7 +80,7 @@ mod tests {
     #[test]
     fn the_text_names_what_is_seen_and_what_was_given_also_their_roll() {
         assert_eq!(
-            mismatch([0.0, -0.1, 0.0], [3.1416, -0.07, 0.0]).to_string(),
+            mismatch([0.0, -0.1, 0.0], [PI, -0.07, 0.0]).to_string(),
             "the floor in the images is 0.25 m below the camera with a roll of 0.00 rad and a pitch of -0.10 rad, but \
              with the mount it is 0.25 m below the camera with a roll of 3.14 rad and a pitch of -0.07 rad"
         );
@@ -87,11 +89,11 @@ mod tests {
     #[test]
     fn the_hint_names_the_likely_mistake() {
         for (given, part) in [
-            ([3.1416, -0.07, 0.0], "180 degrees"),
+            ([PI, -0.07, 0.0], "180 degrees"),
             ([-3.1, -0.07, 0.0], "180 degrees"),
-            ([-1.5708, 0.0, -1.5708], "optical frame"),
+            ([-FRAC_PI_2, 0.0, -FRAC_PI_2], "optical frame"),
             ([0.0, 0.3, 0.0], "positive pitch looks down"),
-            ([1.5708, 0.0, 0.0], "positive pitch looks down"),
+            ([FRAC_PI_2, 0.0, 0.0], "positive pitch looks down"),
         ] {
             let hint = mismatch([0.0, -0.1, 0.0], given).hint().unwrap();
             assert!(hint.contains(part), "{given:?}: {hint}");
