@@ -215,6 +215,31 @@ fn what_cannot_give_a_factor_is_refused() {
 }
 
 #[test]
+fn flags_of_another_reference_are_refused() {
+    let bench = Bench::new();
+    let distance = ["--distance", "2", "--source", "demo"];
+    let mount = ["--mount", "0,0,0.5,0,0,0", "--source", "demo"];
+    let (pairs, truth) = (["--pairs", "none.csv"], ["--truth", "none"]);
+    let (at, ids) = (["--at", "1,1"], ["--ids", "ids.txt"]);
+    let (topic, window) = (["--depth-topic", "/depth"], ["--window", "1,1,2,2"]);
+    let cases: [(&[&str], &[&str]); 12] = [
+        (&pairs, &at),
+        (&truth, &at),
+        (&mount, &at),
+        (&pairs, &ids),
+        (&distance, &ids),
+        (&mount, &ids),
+        (&pairs, &topic),
+        (&distance, &topic),
+        (&mount, &topic),
+        (&pairs, &window),
+        (&distance, &window),
+        (&mount, &window),
+    ];
+    snapshot!(cases.map(|(reference, flag)| refused(&bench, &[reference, flag].concat())).join("\n\n"));
+}
+
+#[test]
 fn a_calibration_that_is_stopped_says_after_how_many_frames() {
     /// More than the pipe and its reader hold, so that the first ones have been compared once all are
     /// written.

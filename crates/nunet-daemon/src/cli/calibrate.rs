@@ -16,8 +16,9 @@ use crate::exit::BadArguments;
 use crate::source::SourceName;
 use crate::subcommands::calibrate::{CalibrateOptions, Evidence};
 
-/// Flags that have an effect with `--truth` only.
-const TRUTH_FLAGS: [&str; 3] = ["depth_cap", "depth_scale", "depth_offset"];
+/// Flags that have an effect with `--truth` only. `requires` is not enough: clap does not require an argument
+/// that conflicts with one that is present.
+const TRUTH_FLAGS: [&str; 6] = ["depth_cap", "depth_scale", "depth_offset", "depth_topic", "ids", "window"];
 /// Flags that have an effect with `--source` only.
 const SOURCE_FLAGS: [&str; 7] = ["rate", "repeat", "size", "format", "exposure", "gain", "frames"];
 
@@ -31,6 +32,7 @@ pub struct CalibrateArgs {
     pub distance: Option<f64>,
     /// With --distance, the point in the image: column and row, pixels [default: the center]
     #[arg(long, value_name = "u,v", requires = "distance", allow_hyphen_values = true)]
+    #[arg(conflicts_with_all = ["pairs", "truth", "mount"])]
     pub at: Option<Text<PixelArg>>,
     /// The reference is a range sensor: a CSV table with the columns `image` (a file, relative to the table),
     /// `u`, `v` (pixels) and `distance` (meters, straight to the point)
