@@ -6,7 +6,7 @@ use clap::{ArgGroup, Args};
 use nunet_core::framing::AspectMode;
 use nunet_core::pipeline::PipelineOptions;
 use nunet_core::scale::ScaleMode;
-use nunet_eval::{DepthUnits, EvalOptions, Point, Reference, Window};
+use nunet_eval::{DepthUnits, EvalOptions, Pixel, Point, Reference, Window};
 
 use super::eval::parse_meters;
 use super::text::{Text, value};
@@ -33,7 +33,7 @@ pub struct CalibrateArgs {
     /// With --distance, the point in the image: column and row, pixels [default: the center]
     #[arg(long, value_name = "u,v", requires = "distance", allow_hyphen_values = true)]
     #[arg(conflicts_with_all = ["pairs", "truth", "mount"])]
-    pub at: Option<Text<PixelArg>>,
+    pub at: Option<Pixel>,
     /// The reference is a range sensor: a CSV table with the columns `image` (a file, relative to the table),
     /// `u`, `v` (pixels) and `distance` (meters, straight to the point)
     #[arg(long, value_name = "FILE.csv", conflicts_with_all = TRUTH_FLAGS, conflicts_with_all = SOURCE_FLAGS)]
@@ -89,20 +89,6 @@ pub struct CalibrateArgs {
     pub json: bool,
 }
 
-/// Column and row, pixels.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PixelArg(pub [f64; 2]);
-
-impl super::text::FromText for PixelArg {
-    fn from_text(text: &str) -> Result<Self, BadArguments> {
-        let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse::<f64>()).collect();
-        match numbers.as_deref() {
-            Ok(&[u, v]) if u.is_finite() && v.is_finite() => Ok(Self([u, v])),
-            _ => Err(BadArguments::new(format!("expected two numbers `u,v`, got `{text}`"))),
-        }
-    }
-}
-
 impl CalibrateArgs {
     /// As checked values. Opens nothing.
     pub(crate) fn options(&self) -> anyhow::Result<CalibrateOptions> {
@@ -113,7 +99,7 @@ impl CalibrateArgs {
         };
         let evidence = match (self.distance, &self.pairs, &self.truth, value(&self.mount)) {
             (Some(distance_m), ..) => {
-                let point = Point { at: value(&self.at).map(|PixelArg(at)| at), distance_m };
+                let point = Point { at: self.at.map(|Pixel(at)| at), distance_m };
                 point.check().map_err(|error| BadArguments::of(&error))?;
                 Evidence::Frames(source()?, Reference::Point(point))
             }

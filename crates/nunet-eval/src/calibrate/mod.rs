@@ -7,18 +7,19 @@ mod agreement;
 mod doubt;
 mod error;
 mod file;
+mod point;
 mod readings;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use nunet_core::camera::{Camera, Mount, RayTable, check_scale_factor};
+use nunet_core::camera::{Camera, Mount, check_scale_factor};
 use nunet_core::depth::DepthImage;
 use nunet_core::obstacle::FloorView;
 use nunet_core::pipeline::{Outputs, Pipeline};
 use nunet_core::scale::FloorGauge;
 use nunet_source::{BitDepthCheck, CameraNews, CameraResolver, Frame, Rotator, decode};
-use nunet_types::{ImageSize, PixelRect, text_with_causes};
+use nunet_types::{ImageSize, text_with_causes};
 
 use self::agreement::{Observation, least_relative_error};
 use self::readings::{Reading, SkippedReadings};
@@ -28,42 +29,16 @@ use crate::error::{EvalError, hint_of_chain};
 use crate::event::{Event, OnEvent};
 use crate::fit::Fit;
 use crate::image_name::ImageName;
-use crate::median::median;
 use crate::options::EvalOptions;
 
 pub use self::agreement::Agreement;
 pub use self::doubt::FactorDoubt;
 pub use self::error::CalibrateError;
+pub use self::point::{Pixel, Point};
 pub use self::readings::files as files_of_readings;
 
-/// Depth is the median over a square of this side around a point, in pixels of the depth map.
-const PATCH_PX: usize = 9;
 /// Images or readings that a factor needs: with fewer, no outlier can be found.
 const NEEDED: usize = 3;
-
-/// A point at a known distance.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Point {
-    /// Column and row in the image, pixels; `None` for its center.
-    pub at: Option<[f64; 2]>,
-    /// The straight-line distance from the camera to the point, meters.
-    pub distance_m: f64,
-}
-
-impl Point {
-    /// Checks the distance.
-    ///
-    /// # Errors
-    /// A distance that is not positive.
-    pub fn check(&self) -> Result<(), CalibrateError> {
-        let distance = self.distance_m;
-        if distance > 0.0 && distance.is_finite() {
-            Ok(())
-        } else {
-            Err(CalibrateError::Distance { distance })
-        }
-    }
-}
 
 /// The reference that each frame is compared with.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -275,41 +250,6 @@ impl Calibrator {
     fn observe(&mut self, name: String, factor: Option<f64>) {
         let usable = factor.filter(|factor| factor.is_finite() && *factor > 0.0);
         self.observations.extend(usable.map(|factor| Observation { name, factor }));
-    }
-
-    /// True depth over the network's depth around a point; `None` if there is no depth.
-    fn at_point(&self, point: &Point, image: ImageSize) -> Result<Option<f64>, CalibrateError> {
-        let (width, height) = (f64::from(image.width), f64::from(image.height));
-        let [u, v] = point.at.unwrap_or([(width - 1.0) / 2.0, (height - 1.0) / 2.0]);
-        let inside = |place: f64, side: f64| (-0.5..=side - 0.5).contains(&place);
-        if !inside(u, width) || !inside(v, height) {
-            return Err(CalibrateError::Outside { u, v, size: image });
-        }
-        let (size, view) = (self.pipeline.size(), self.pipeline.framing().view());
-        let (u, v) = (u - f64::from(view.x), v - f64::from(view.y));
-        let (width, height) = (f64::from(view.width), f64::from(view.height));
-        if !inside(u, width) || !inside(v, height) {
-            let (u, v) = (u + f64::from(view.x), v + f64::from(view.y));
-            return Err(CalibrateError::OutsideView { u, v, view });
-        }
-        let place = |place: f64, from: f64, to: u32| {
-            let place = (place + 0.5) * f64::from(to) / from - 0.5;
-            (place.round().max(0.0) as usize).min(to as usize - 1)
-        };
-        let (column, row) = (place(u, width, size.width), place(v, height, size.height));
-        let around = |place: usize, side: u32| {
-            place.saturating_sub(PATCH_PX / 2)..(place + PATCH_PX / 2 + 1).min(side as usize)
-        };
-        let stride = size.width as usize;
-        let patch = around(row, size.height)
-            .flat_map(|row| self.depth_m[row * stride..][around(column, size.width)].iter().copied());
-        let known: Vec<f64> = patch.filter(|depth| depth.is_finite()).map(f64::from).collect();
-        // The table of this pixel alone: one of the whole image takes milliseconds.
-        let pixel = PixelRect { x: column as u32, y: row as u32, width: 1, height: 1 };
-        let ray = RayTable::new(&self.pipeline.points_camera().cropped(pixel));
-        let [x, y] = ray.rays()[0].map(f64::from);
-        let true_m = point.distance_m / (x * x + y * y + 1.0).sqrt();
-        Ok(median(known).map(|predicted_m| true_m / predicted_m))
     }
 
     fn on_floor(&mut self, mount: Mount) -> Result<Option<f64>, CalibrateError> {
