@@ -7,7 +7,9 @@ use std::path::Path;
 use nunet_testkit::models;
 use serde_json::Value;
 
-use crate::support::{Bench, Guarded, SIZE, calibration, nunetd, outcome, run_well, signal, snapshot, text};
+use crate::support::{
+    Bench, Guarded, SIZE, calibration, nunetd, outcome, run, run_well, seen, signal, snapshot, text,
+};
 
 /// True depth over the network's depth of the images of these tests.
 const FACTOR: f64 = 0.5;
@@ -140,8 +142,8 @@ fn readings_that_the_network_does_not_see_are_skipped_with_a_warning() {
     assert!(warned, "{stderr}");
 }
 
-#[test]
-fn true_depth_gives_a_factor() {
+/// A dataset `truth` of the three images, each with true depth, and a calibration.
+fn bench_with_truth() -> Bench {
     let (bench, depth_m) = bench_with_images();
     let folder = bench.path("truth");
     std::fs::create_dir_all(folder.join("depth")).unwrap();
@@ -151,6 +153,27 @@ fn true_depth_gives_a_factor() {
         let depth = image::ImageBuffer::from_pixel(SIZE.0, SIZE.1, image::Luma([millimeters]));
         depth.save(folder.join("depth").join(name)).unwrap();
     }
+    bench
+}
+
+/// `eval` counts and exits the same way.
+#[test]
+fn images_with_true_depth_that_are_skipped_are_counted_and_lost() {
+    let bench = bench_with_truth();
+    let (model, truth) = (bench.arg("model.onnx"), bench.arg("truth"));
+    std::fs::copy(bench.path("truth/rgb/a.png"), bench.path("truth/rgb/d.png")).unwrap();
+    let arguments = ["-q", "calibrate", "--model", &model, "--json", "--truth", &truth];
+    let output = run(nunetd(&arguments));
+    assert_factor(&serde_json::from_slice(&output.stdout).unwrap(), 3);
+    let one_skipped = seen(&bench, &output);
+    std::fs::remove_dir_all(bench.path("truth/depth")).unwrap();
+    std::fs::create_dir(bench.path("truth/depth")).unwrap();
+    snapshot!([one_skipped, seen(&bench, &run(nunetd(&arguments)))].join("\n\n"));
+}
+
+#[test]
+fn true_depth_gives_a_factor() {
+    let bench = bench_with_truth();
     assert_factor(&calibrate(&bench, &["--truth", &bench.arg("truth")]), 3);
     assert!(!Path::new("nunet.yaml").exists(), "nothing is written that was not asked for");
     let (truth, file) = (bench.arg("truth"), bench.arg("front.yaml"));

@@ -12,7 +12,7 @@ use nunet_files::check_writable;
 use nunet_sink::file_plan::{FilePlan, place};
 use nunet_types::{Hint as _, counted};
 use serde_json::json;
-use tracing::{info, warn};
+use tracing::{error, info, warn};
 
 use super::eval::{Printer, depth_cap_hint, with_flags};
 use super::load::{load, tested_pipeline};
@@ -81,7 +81,11 @@ pub(crate) fn calibrate(options: &CalibrateOptions) -> anyhow::Result<Outcome> {
     }
     report(options, &found, &model)?;
     calibrator.doubts(&found).iter().for_each(|doubt| warn!(hint = doubt.hint().as_deref(), "{doubt}"));
-    Ok(Outcome::Done)
+    if calibrator.skipped() == 0 {
+        return Ok(Outcome::Done);
+    }
+    error!("images that were skipped: {}", calibrator.skipped());
+    Ok(Outcome::Lost)
 }
 
 /// Checks before anything is computed that the output can be written and destroys nothing. Only the named

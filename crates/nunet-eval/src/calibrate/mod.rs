@@ -9,6 +9,7 @@ mod error;
 mod file;
 mod point;
 mod readings;
+mod truth;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -19,17 +20,14 @@ use nunet_core::obstacle::FloorView;
 use nunet_core::pipeline::{Outputs, Pipeline};
 use nunet_core::scale::FloorGauge;
 use nunet_source::{BitDepthCheck, CameraNews, CameraResolver, Frame, Rotator, decode};
-use nunet_types::{ImageSize, text_with_causes};
+use nunet_types::ImageSize;
 
-use self::agreement::{Observation, least_relative_error};
+use self::agreement::Observation;
 use self::readings::{Reading, SkippedReadings};
-use crate::comparison::TruthRange;
-use crate::dataset::{Dataset, refuse_own_depth, report_dim};
-use crate::error::{EvalError, hint_of_chain};
+use crate::dataset::report_dim;
+use crate::error::EvalError;
 use crate::event::{Event, OnEvent};
-use crate::fit::Fit;
 use crate::image_name::ImageName;
-use crate::options::EvalOptions;
 
 pub use self::agreement::Agreement;
 pub use self::doubt::FactorDoubt;
@@ -64,6 +62,7 @@ pub struct Calibrator {
     camera: Option<Camera>,
     observations: Vec<Observation>,
     needed: usize,
+    skipped: u64,
 }
 
 impl Calibrator {
@@ -82,6 +81,7 @@ impl Calibrator {
             camera: None,
             observations: Vec::new(),
             needed: NEEDED,
+            skipped: 0,
         }
     }
 
@@ -95,6 +95,12 @@ impl Calibrator {
     #[must_use]
     pub fn pipeline(&self) -> &Pipeline {
         &self.pipeline
+    }
+
+    /// How many images with true depth could not be read, or had no depth.
+    #[must_use]
+    pub fn skipped(&self) -> u64 {
+        self.skipped
     }
 
     /// The factor, and how well the observations agree.
@@ -188,49 +194,6 @@ impl Calibrator {
         Ok(())
     }
 
-    /// Compares with the true depth of a dataset, one observation per image.
-    ///
-    /// # Errors
-    /// A dataset that cannot be used, or a recording of predictions. Images that cannot be read are reported
-    /// and skipped.
-    pub fn add_truth(
-        &mut self,
-        options: &EvalOptions,
-        on_event: &mut dyn FnMut(Event<'_>),
-    ) -> Result<(), CalibrateError> {
-        refuse_own_depth(options)?;
-        let mut dataset = Dataset::open(options, &self.pipeline.graph().description().classes, on_event)?;
-        on_event(Event::Started { what: "images", count: dataset.ids.len() as u64 });
-        let (mut frame, mut range) = (Frame::default(), TruthRange::default());
-        for id in &dataset.ids.clone() {
-            let image = dataset.image(id, &mut frame, on_event);
-            let read = image.and_then(|()| dataset.truth(id, Some(frame.size)));
-            match read {
-                Ok(truth) => {
-                    range.is_meters |= truth.is_meters;
-                    truth.depth_m.iter().for_each(|&meters| range.see(meters));
-                    self.predict_and_report(&frame, on_event)?;
-                    let factor = self.over_image(&truth.depth_m, options.depth_cap_m);
-                    self.observe(format!("image `{id}`"), factor);
-                }
-                Err(error) => on_event(Event::Skipped {
-                    id,
-                    reason: &text_with_causes(&error),
-                    hint: hint_of_chain(&error).as_deref(),
-                }),
-            }
-            on_event(Event::Advanced);
-        }
-        on_event(Event::Finished);
-        let (cap_m, is_meters) = (options.depth_cap_m, range.is_meters);
-        match range.ends_m {
-            Some((near_m, far_m)) if near_m >= cap_m => {
-                Err(CalibrateError::TruthTooFar { near_m, far_m, cap_m, is_meters })
-            }
-            _ => Ok(()),
-        }
-    }
-
     fn predict_and_report(&mut self, frame: &Frame, on_event: OnEvent<'_>) -> Result<(), CalibrateError> {
         on_event(Event::Camera(self.predict(frame)?));
         Ok(())
@@ -263,13 +226,5 @@ impl Calibrator {
         self.floors.extend(self.gauge.as_ref().and_then(|(.., gauge)| gauge.floor_view(&image)));
         let found = self.gauge.as_mut().and_then(|(.., gauge)| gauge.measure(&image));
         Ok(found.map(|found| f64::from(found.ratio)))
-    }
-
-    /// The factor with the least mean absolute relative error over all pixels with truth below the cap.
-    fn over_image(&self, truth_m: &[f32], cap_m: f32) -> Option<f64> {
-        let predicted = Fit::new(&self.pipeline).depth(&self.depth_m);
-        let pairs = truth_m.iter().zip(&predicted).filter(|(truth, _)| **truth > 0.0 && **truth < cap_m);
-        let ratios = pairs.map(|(truth, predicted)| f64::from(truth / predicted));
-        least_relative_error(ratios.filter(|ratio| ratio.is_finite() && *ratio > 0.0).collect())
     }
 }
