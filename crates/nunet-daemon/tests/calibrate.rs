@@ -156,6 +156,18 @@ fn bench_with_truth() -> Bench {
     bench
 }
 
+#[test]
+fn a_reference_without_a_single_observation_says_what_to_check() {
+    let bench = bench_with_truth();
+    for name in ["a.png", "b.png", "c.png"] {
+        let depth = image::ImageBuffer::from_pixel(SIZE.0, SIZE.1, image::Luma([0_u16]));
+        depth.save(bench.path("truth/depth").join(name)).unwrap();
+    }
+    std::fs::write(bench.path("pairs.csv"), "image,u,v,distance\n").unwrap();
+    let no_depth = refused(&bench, &["--truth", &bench.arg("truth")]);
+    snapshot!([no_depth, refused(&bench, &["--pairs", &bench.arg("pairs.csv")])].join("\n\n"));
+}
+
 /// `eval` counts and exits the same way.
 #[test]
 fn images_with_true_depth_that_are_skipped_are_counted_and_lost() {

@@ -83,7 +83,8 @@ mod text_file;
 mod truth_floor;
 
 pub use calibrate::{
-    Agreement, CalibrateError, Calibrator, FactorDoubt, Pixel, Point, Reference, files_of_readings,
+    Agreement, CalibrateError, Calibrator, FactorDoubt, Pixel, Point, Reference, ReferenceKind,
+    files_of_readings,
 };
 pub use error::{EvalError, EvalErrorKind};
 pub use evaluation::{Evaluation, Evaluator, FILES};

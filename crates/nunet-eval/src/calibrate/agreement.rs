@@ -9,7 +9,7 @@
 
 use std::fmt;
 
-use super::CalibrateError;
+use super::{CalibrateError, ReferenceKind};
 use crate::median::median;
 
 /// The ratio of standard deviation and MAD of a normal distribution.
@@ -57,12 +57,13 @@ impl fmt::Display for Agreement {
 }
 
 impl Agreement {
-    /// The factor of these observations, at least `needed`.
-    pub(crate) fn of(observations: &[Observation], needed: usize) -> Result<Self, CalibrateError> {
+    /// The factor of these observations, which were made with a reference of this kind.
+    pub(crate) fn of(observations: &[Observation], reference: ReferenceKind) -> Result<Self, CalibrateError> {
+        let needed = reference.needed();
         let count = observations.len();
         let logs: Vec<f64> = observations.iter().map(|observation| observation.factor.ln()).collect();
         let Some(middle) = median(logs.clone()).filter(|_| count >= needed) else {
-            return Err(CalibrateError::TooFew { got: count, needed });
+            return Err(CalibrateError::TooFew { got: count, needed, reference });
         };
         let off = |log: &f64| (log - middle).abs();
         let spread = MAD_TO_DEVIATION * median(logs.iter().map(off).collect()).unwrap_or(0.0);
@@ -106,7 +107,10 @@ mod tests {
     fn agreement(factors: &[f64]) -> Result<Agreement, CalibrateError> {
         let observation =
             |(place, &factor): (usize, &f64)| Observation { name: format!("frame {place}"), factor };
-        Agreement::of(&factors.iter().enumerate().map(observation).collect::<Vec<_>>(), 3)
+        Agreement::of(
+            &factors.iter().enumerate().map(observation).collect::<Vec<_>>(),
+            ReferenceKind::Readings,
+        )
     }
 
     #[test]
@@ -145,10 +149,10 @@ mod tests {
 
     #[test]
     fn fewer_than_needed_are_refused() {
-        assert!(matches!(agreement(&[1.0, 1.0]), Err(CalibrateError::TooFew { got: 2, needed: 3 })));
+        assert!(matches!(agreement(&[1.0, 1.0]), Err(CalibrateError::TooFew { got: 2, needed: 3, .. })));
         assert!(matches!(agreement(&[]), Err(CalibrateError::TooFew { got: 0, .. })));
         let one = [Observation { name: "a".into(), factor: 0.7 }];
-        let found = Agreement::of(&one, 1).unwrap();
+        let found = Agreement::of(&one, ReferenceKind::Point).unwrap();
         assert!((found.factor - 0.7).abs() < 1e-12 && found.spread.is_nan());
     }
 }

@@ -10,6 +10,7 @@ use nunet_core::scale::ScaleError;
 use nunet_source::{SourceError, SourceErrorKind};
 use nunet_types::{Hint, ImageSize, PixelRect, counted};
 
+use super::kind::ReferenceKind;
 use crate::error::{EvalError, EvalErrorKind};
 use crate::far_truth;
 
@@ -24,6 +25,8 @@ pub enum CalibrateError {
         got: usize,
         /// How many are needed.
         needed: usize,
+        /// What the network's depth was compared with.
+        reference: ReferenceKind,
     },
     /// No single factor explains the observations.
     #[error(
@@ -163,7 +166,7 @@ impl From<CameraError> for CalibrateError {
 impl Hint for CalibrateError {
     fn hint(&self) -> Option<Cow<'static, str>> {
         Some(match self {
-            Self::TooFew { .. } => "give more images, and points that have depth".into(),
+            Self::TooFew { got, reference, .. } => reference.hint(*got).into(),
             Self::Inconsistent { .. } => {
                 "check the unit (meters), the points and the mount; measure a static scene".into()
             }
@@ -219,6 +222,22 @@ mod tests {
         assert_eq!((error.kind(), error.hint()), (EvalErrorKind::Argument, hint));
         let bad = CalibrateError::from(SourceError::bad_frame("cut off"));
         assert_eq!(bad.kind(), EvalErrorKind::Image);
+    }
+
+    #[test]
+    fn too_few_observations_have_a_hint_for_their_reference() {
+        let hint = |reference| {
+            let error = CalibrateError::TooFew { got: 0, needed: 3, reference };
+            error.hint().unwrap().into_owned()
+        };
+        for (reference, named) in [
+            (ReferenceKind::Point, "point"),
+            (ReferenceKind::Floor, "z (meters), roll and pitch (radians) of the mount"),
+            (ReferenceKind::Readings, "points"),
+            (ReferenceKind::Truth, "true depth greater than 0"),
+        ] {
+            assert!(hint(reference).contains(named), "{}", hint(reference));
+        }
     }
 
     #[test]

@@ -7,6 +7,7 @@ mod agreement;
 mod doubt;
 mod error;
 mod file;
+mod kind;
 mod point;
 mod readings;
 mod truth;
@@ -32,11 +33,9 @@ use crate::image_name::ImageName;
 pub use self::agreement::Agreement;
 pub use self::doubt::FactorDoubt;
 pub use self::error::CalibrateError;
+pub use self::kind::ReferenceKind;
 pub use self::point::{Pixel, Point};
 pub use self::readings::files as files_of_readings;
-
-/// Images or readings that a factor needs: with fewer, no outlier can be found.
-const NEEDED: usize = 3;
 
 /// The reference that each frame is compared with.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,7 +60,8 @@ pub struct Calibrator {
     /// The camera of the images, if it is known.
     camera: Option<Camera>,
     observations: Vec<Observation>,
-    needed: usize,
+    /// What the observations were made with.
+    kind: ReferenceKind,
     skipped: u64,
 }
 
@@ -80,7 +80,7 @@ impl Calibrator {
             floors: Vec::new(),
             camera: None,
             observations: Vec::new(),
-            needed: NEEDED,
+            kind: ReferenceKind::Readings,
             skipped: 0,
         }
     }
@@ -108,7 +108,7 @@ impl Calibrator {
     /// # Errors
     /// Too few observations, or observations that contradict each other.
     pub fn agreement(&self) -> Result<Agreement, CalibrateError> {
-        let found = Agreement::of(&self.observations, self.needed)?;
+        let found = Agreement::of(&self.observations, self.kind)?;
         check_scale_factor(found.factor)?;
         Ok(found)
     }
@@ -122,11 +122,13 @@ impl Calibrator {
         let news = self.predict(frame)?;
         let factor = match reference {
             Reference::Point(point) => {
-                // More images of a static scene would add no information.
-                self.needed = 1;
+                self.kind = ReferenceKind::Point;
                 self.at_point(point, frame.size)?
             }
-            Reference::Floor(mount) => self.on_floor(*mount)?,
+            Reference::Floor(mount) => {
+                self.kind = ReferenceKind::Floor;
+                self.on_floor(*mount)?
+            }
         };
         self.observe(format!("frame {}", frame.sequence), factor);
         Ok(news)
@@ -143,6 +145,7 @@ impl Calibrator {
         path: &Path,
         on_event: &mut dyn FnMut(Event<'_>),
     ) -> Result<(), CalibrateError> {
+        self.kind = ReferenceKind::Readings;
         let mut by_image: BTreeMap<PathBuf, Vec<Reading>> = BTreeMap::new();
         for reading in readings::read(path)? {
             by_image.entry(reading.image.clone()).or_default().push(reading);

@@ -78,7 +78,11 @@ pub(super) fn read(path: &Path) -> Result<Vec<Reading>, CalibrateError> {
         }
         Ok(Reading { image, point, line })
     };
-    reader.records().map(reading).collect()
+    let readings: Vec<Reading> = reader.records().map(reading).collect::<Result<_, _>>()?;
+    if readings.is_empty() {
+        return Err(wrong("it has no rows below its header".to_owned()));
+    }
+    Ok(readings)
 }
 
 /// A table of readings, and its images.
@@ -120,6 +124,7 @@ mod tests {
     #[test]
     fn a_wrong_table_is_refused_with_its_line() {
         for (text, words) in [
+            ("image,u,v,distance\n", "no rows"),
             ("image,u,v\na.jpg,1,2\n", "no column `distance`; its columns are `image`, `u`, `v`"),
             ("image,u,v,distance\na.jpg,1,x,2\n", "line 2: `x` is not a number"),
             ("image,u,v,distance\na.jpg,1,2\n", "line: 2"),

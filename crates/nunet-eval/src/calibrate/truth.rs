@@ -3,7 +3,7 @@
 use nunet_source::Frame;
 
 use super::agreement::least_relative_error;
-use super::{CalibrateError, Calibrator};
+use super::{CalibrateError, Calibrator, ReferenceKind};
 use crate::comparison::TruthRange;
 use crate::dataset::{Dataset, Truth, refuse_own_depth};
 use crate::error::EvalError;
@@ -65,6 +65,7 @@ impl Calibrator {
         let mut dataset = Dataset::open(options, &self.pipeline.graph().description().classes, on_event)?;
         on_event(Event::Started { what: "images", count: dataset.ids.len() as u64 });
         let (mut frame, mut found) = (Frame::default(), Found::default());
+        self.kind = ReferenceKind::Truth;
         self.skipped += dataset.unpaired;
         for id in &dataset.ids.clone() {
             let image = dataset.image(id, &mut frame, on_event);
