@@ -4,6 +4,8 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::{CalibrateError, Point};
+use crate::dataset::wrong_separator;
+use crate::error::Cause;
 use crate::event::{Event, OnEvent};
 use crate::text_file::read_list;
 
@@ -44,11 +46,21 @@ impl SkippedReadings {
 
 const COLUMNS: [&str; 4] = ["image", "u", "v", "distance"];
 
+/// The text of a table whose columns are separated by commas.
+fn text(path: &Path) -> Result<String, Cause> {
+    let text = read_list(path)?;
+    match wrong_separator(&text) {
+        _ if text.trim().is_empty() => Err("it is empty".into()),
+        Some(reason) => Err(reason.into()),
+        None => Ok(text),
+    }
+}
+
 /// Reads a table with the columns `image`, `u`, `v` and `distance`, in any order; others are ignored. Every
 /// image must exist.
 pub(super) fn read(path: &Path) -> Result<Vec<Reading>, CalibrateError> {
     let wrong = |reason: String| CalibrateError::Readings { path: path.to_owned(), reason };
-    let text = read_list(path).map_err(|error| wrong(error.to_string()))?;
+    let text = text(path).map_err(|error| wrong(error.to_string()))?;
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
     let header = reader.headers().map_err(|error| wrong(error.to_string()))?.clone();
     let place = |name: &str| {
@@ -124,6 +136,10 @@ mod tests {
     #[test]
     fn a_wrong_table_is_refused_with_its_line() {
         for (text, words) in [
+            ("", "it is empty"),
+            ("\u{feff}\r\n", "it is empty"),
+            ("image;u;v;distance\na.jpg;1;2;1,5\n", "semicolons, expected commas: `image;u;v;distance`"),
+            ("image\tu\tv\tdistance\na.jpg\t1\t2\t1\n", "tabs, expected commas"),
             ("image,u,v,distance\n", "no rows"),
             ("image,u,v\na.jpg,1,2\n", "no column `distance`; its columns are `image`, `u`, `v`"),
             ("image,u,v,distance\na.jpg,1,x,2\n", "line 2: `x` is not a number"),

@@ -28,6 +28,7 @@ use self::image_path::{image_path, missing_image};
 use self::labels::LabelFolder;
 pub(crate) use self::mounts::ImageMounts;
 use self::pairs::TimePairs;
+pub(crate) use self::table::wrong_separator;
 use self::unpack::{Topics, Unpacked, unpack};
 pub(crate) use self::unpack::{is_recording, refuse_own_depth};
 use crate::error::EvalError;

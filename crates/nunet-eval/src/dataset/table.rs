@@ -8,12 +8,30 @@ use serde::de::DeserializeOwned;
 use crate::error::Cause;
 use crate::text_file::read_list;
 
+/// The other separator of a table whose columns are not separated by commas, as a sentence; `None` if they
+/// are, or if there is only one. Spreadsheets write semicolons in countries with a decimal comma.
+pub(crate) fn wrong_separator(text: &str) -> Option<String> {
+    let header = text.lines().find(|line| !line.trim().is_empty())?;
+    // Names of columns may contain any of them.
+    let is_separator = |separator: char| header.contains(separator) && !header.contains(',');
+    let name = match [';', '\t'].map(is_separator) {
+        [true, _] => "semicolons",
+        [_, true] => "tabs",
+        _ => return None,
+    };
+    let shown = header.replace('\t', "\\t");
+    Some(format!("its columns are separated by {name}, expected commas: `{shown:.60}`"))
+}
+
 /// The rows of a CSV file; none if there is no such file. Columns that `Row` does not name are ignored.
 pub(super) fn rows<Row: DeserializeOwned>(path: &Path) -> Result<Vec<Row>, Cause> {
     if !path.exists() {
         return Ok(Vec::new());
     }
     let text = read_list(path)?;
+    if let Some(reason) = wrong_separator(&text) {
+        return Err(reason.into());
+    }
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
     reader.deserialize().map(|row| Ok(row?)).collect()
 }
@@ -60,6 +78,21 @@ mod tests {
         }
         assert_eq!(rows_of(b"id,x\n").unwrap(), []);
         assert_eq!(rows::<Row>(Path::new("missing.csv")).unwrap(), []);
+    }
+
+    #[test]
+    fn another_separator_is_named() {
+        for (text, named) in [
+            ("id;x\na;1,5\n", "semicolons, expected commas: `id;x`"),
+            ("\r\nid;x\r\n", "semicolons, expected commas: `id;x`"),
+            ("id\tx\n", "tabs, expected commas: `id\\tx`"),
+        ] {
+            let reason = rows_of(text.as_bytes()).unwrap_err();
+            assert!(reason.contains(named), "{text:?}: {reason}");
+        }
+        for text in ["", "\n", "id,x\na;b,1\n", "id,\"x;y\"\n", "id\n"] {
+            assert_eq!(wrong_separator(text), None, "{text:?}");
+        }
     }
 
     #[test]
