@@ -298,6 +298,23 @@ fn a_calibration_that_is_stopped_says_after_how_many_frames() {
 }
 
 #[test]
+fn unknown_intrinsics_for_a_file_are_an_error_at_the_first_frame() {
+    let bench = Bench::new();
+    let (reader, mut writer) = std::io::pipe().unwrap();
+    let (model, out) = (bench.arg("model.onnx"), bench.arg("new.yaml"));
+    let mut command = nunetd(&["-q", "calibrate", "--model", &model, "--source", "-", "--size", "640x480"]);
+    command.args(["--format", "rgb8", "--distance", "2", "--frames", "1000", "--out", &out]);
+    command.stdin(reader).stderr(File::create(bench.path("log")).unwrap());
+    let mut calibrate = Guarded::start(command);
+    let frame = vec![100; 3 * (SIZE.0 * SIZE.1) as usize];
+    // The second one never comes.
+    writer.write_all(&frame).unwrap();
+    assert_eq!(calibrate.wait(), Some(2));
+    snapshot!(std::fs::read_to_string(bench.path("log")).unwrap());
+    assert!(!bench.path("new.yaml").exists());
+}
+
+#[test]
 fn errors_have_the_hints_and_exit_codes_of_other_subcommands() {
     let (bench, _) = bench_with_images();
     let (images, model) = (bench.arg("images"), bench.arg("model.onnx"));

@@ -61,7 +61,7 @@ pub(crate) fn calibrate(options: &CalibrateOptions) -> anyhow::Result<Outcome> {
     let loaded = load(&Engine::start(options.engine.clone())?, &options.model)?;
     let model = loaded.model_name();
     let pipeline = tested_pipeline(loaded, options.pipeline)?;
-    let mut calibrator = Calibrator::new(pipeline, resolver);
+    let mut calibrator = Calibrator::new(pipeline, resolver).require_camera(options.out.is_some());
     let mut printer = Printer::default();
     let mut print = |event: Event<'_>| printer.print(event);
     let collected = match &options.evidence {

@@ -89,10 +89,7 @@ pub enum CalibrateError {
     },
     /// A calibration file of a camera that is not known.
     #[error("no calibration can be written: the intrinsics are unknown")]
-    NoIntrinsics {
-        /// The factor that was found.
-        factor: f64,
-    },
+    NoIntrinsics,
     /// A calibration file that the factor cannot be added to.
     #[error("cannot write the calibration `{}`", path.display())]
     Calibration {
@@ -142,7 +139,7 @@ impl CalibrateError {
             | Self::OutsideView { .. }
             | Self::Distance { .. }
             | Self::Readings { .. }
-            | Self::NoIntrinsics { .. }
+            | Self::NoIntrinsics
             | Self::Calibration { .. }
             | Self::Scale(_) => EvalErrorKind::Argument,
             Self::TooFew { .. } | Self::Inconsistent { .. } | Self::TruthTooFar { .. } | Self::Factor(_) => {
@@ -179,10 +176,9 @@ impl Hint for CalibrateError {
                  (pixels) and `distance` (meters)"
                     .into()
             }
-            Self::NoIntrinsics { factor } => format!(
-                "give the intrinsics or a calibration, or use the factor itself as the scale: {factor:.4}"
-            )
-            .into(),
+            Self::NoIntrinsics => {
+                "give the intrinsics or a calibration, or write no file: the factor is printed then".into()
+            }
             // The cause has a hint.
             Self::Calibration { .. } | Self::ImageOfReading { .. } => return None,
             Self::TruthTooFar { far_m, is_meters, .. } => far_truth::hint(*far_m, *is_meters),

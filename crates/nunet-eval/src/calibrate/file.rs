@@ -19,8 +19,8 @@ impl Calibrator {
     }
 
     /// Writes a factor into the calibration file `out`: the text of the file `named`, which may be `out`
-    /// itself, otherwise the intrinsics of the last image. `model` has the name of the model and its SHA-256,
-    /// hexadecimal.
+    /// itself, otherwise the intrinsics of the last image that has some. `model` has the name of the model
+    /// and its SHA-256, hexadecimal.
     ///
     /// # Errors
     /// No intrinsics, a file that the factor cannot be added to, or a failure of the system. Nothing is
@@ -36,7 +36,7 @@ impl Calibrator {
             (Some(path), _) => plain_file::read_marked_text(path, Calibration::MAX_BYTES as u64)
                 .map_err(EvalError::read(path))?,
             (None, Some(camera)) => Calibration::file_of(&self.stored_camera(camera)?),
-            (None, None) => return Err(CalibrateError::NoIntrinsics { factor: found.factor }),
+            (None, None) => return Err(CalibrateError::NoIntrinsics),
         };
         let note = ScaleNote {
             factor: found.factor,

@@ -59,6 +59,7 @@ pub struct Calibrator {
     floors: Vec<FloorView>,
     /// The camera of the images, if it is known.
     camera: Option<Camera>,
+    requires_camera: bool,
     observations: Vec<Observation>,
     /// What the observations were made with.
     kind: ReferenceKind,
@@ -79,13 +80,21 @@ impl Calibrator {
             gauge: None,
             floors: Vec::new(),
             camera: None,
+            requires_camera: false,
             observations: Vec::new(),
             kind: ReferenceKind::Readings,
             skipped: 0,
         }
     }
 
-    /// The camera of the last image at its size, if it is known.
+    /// Whether an unknown camera is an error at the first image. Otherwise it is one only when a calibration
+    /// is written ([`Calibrator::write_calibration`]), after everything has been measured.
+    #[must_use]
+    pub fn require_camera(self, requires_camera: bool) -> Self {
+        Self { requires_camera, ..self }
+    }
+
+    /// The camera of the last image whose camera is known, at the size of this image.
     #[must_use]
     pub fn camera(&self) -> Option<&Camera> {
         self.camera.as_ref()
@@ -117,7 +126,8 @@ impl Calibrator {
     /// A frame without depth at the point, or without enough floor, is not an observation.
     ///
     /// # Errors
-    /// A point outside the image, a camera that does not fit, or a failure of the network.
+    /// A point outside the image, a camera that does not fit or is required and unknown, or a failure of the
+    /// network.
     pub fn add_frame(&mut self, frame: &Frame, reference: &Reference) -> Result<CameraNews, CalibrateError> {
         let news = self.predict(frame)?;
         let factor = match reference {
@@ -205,7 +215,10 @@ impl Calibrator {
     /// Runs the network.
     fn predict(&mut self, frame: &Frame) -> Result<CameraNews, CalibrateError> {
         let news = self.resolver.update(frame, &mut self.pipeline)?;
-        self.camera = self.resolver.resolve(frame)?;
+        self.camera = self.resolver.resolve(frame)?.or(self.camera);
+        if self.requires_camera && self.camera.is_none() {
+            return Err(CalibrateError::NoIntrinsics);
+        }
         self.pipeline.reset_with_scale();
         let labels = (!self.labels.is_empty()).then_some(&mut self.labels[..]);
         let outputs = Outputs { depth_m: &mut self.depth_m, labels, confidence: None, cloud: None };
