@@ -63,6 +63,7 @@ mod calibrate;
 mod comparison;
 mod dataset;
 mod error;
+mod error_hint;
 mod error_kind;
 mod evaluation;
 mod event;

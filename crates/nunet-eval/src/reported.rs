@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use nunet_types::text_with_causes;
 
-use crate::error::{EvalError, hint_of_chain};
+use crate::error::EvalError;
+use crate::error_hint::hint_of_chain;
 use crate::event::{Event, OnEvent};
 
 /// The reported failures. A failure of many images is reported once and counted.

@@ -9,7 +9,8 @@ use nunet_core::camera::Mount;
 use nunet_core::obstacle::{FloorMismatch, FloorView};
 use nunet_types::Hint;
 
-use super::{Agreement, Calibrator, NEEDED};
+use super::kind::ReferenceKind;
+use super::{Agreement, Calibrator};
 
 /// A factor is unusual outside of this range of multiples of the focal lengths' ratio.
 const USUAL: std::ops::RangeInclusive<f64> = 0.4..=2.5;
@@ -97,7 +98,7 @@ impl Calibrator {
 
 /// The floors of a few frames differ too much from each other.
 fn doubt_of_mount(floors: &[FloorView], mount: &Mount) -> Option<FactorDoubt> {
-    let seen = FloorView::median(floors).filter(|_| floors.len() >= NEEDED)?;
+    let seen = FloorView::median(floors).filter(|_| floors.len() >= ReferenceKind::Floor.needed())?;
     let expected = FloorView::of_mount(mount);
     let mismatch = FloorMismatch { seen, expected };
     seen.points_elsewhere(&expected).then_some(FactorDoubt::Mount(mismatch))
