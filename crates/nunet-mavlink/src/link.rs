@@ -21,7 +21,7 @@ const HEARTBEAT: Duration = Duration::from_secs(1);
 const MIN_PERIOD: Duration = Duration::from_micros(66_000);
 /// The pause before a lost connection is reopened.
 const RETRY: Duration = Duration::from_secs(2);
-/// How long opening a connection, or a write, may take.
+/// How long opening a connection, to all addresses of its host, or a write may take.
 const TIMEOUT: Duration = Duration::from_secs(1);
 
 /// What happened to the connection.
@@ -134,8 +134,8 @@ impl Connection {
     /// `None` while the host is looked up.
     fn open(address: &MavlinkAddress, lookup: &mut HostLookup) -> io::Result<Option<Self>> {
         match address {
-            MavlinkAddress::Udp(host) => lookup.poll(host)?.map(Self::udp).transpose(),
-            MavlinkAddress::Tcp(host) => lookup.poll(host)?.map(Self::tcp).transpose(),
+            MavlinkAddress::Udp(host) => lookup.poll(host)?.map(|to| first(&to, Self::udp)).transpose(),
+            MavlinkAddress::Tcp(host) => lookup.poll(host)?.map(|to| Self::tcp(&to)).transpose(),
             MavlinkAddress::Serial { device, baud } => Ok(Some(Self::Serial(serial(device, *baud)?))),
         }
     }
@@ -151,8 +151,9 @@ impl Connection {
         Ok(Self::Udp(socket))
     }
 
-    fn tcp(to: SocketAddr) -> io::Result<Self> {
-        let stream = TcpStream::connect_timeout(&to, TIMEOUT)?;
+    fn tcp(addresses: &[SocketAddr]) -> io::Result<Self> {
+        let count = u32::try_from(addresses.len()).unwrap_or(u32::MAX).max(1);
+        let stream = first(addresses, |to| TcpStream::connect_timeout(&to, TIMEOUT / count))?;
         stream.set_write_timeout(Some(TIMEOUT))?;
         stream.set_read_timeout(Some(Duration::from_millis(1)))?;
         stream.set_nodelay(true)?;
@@ -180,6 +181,18 @@ impl Connection {
             Self::Serial(line) => line.write_all(bytes),
         }
     }
+}
+
+/// Opens the first of a host's addresses that can be opened, or returns the error of the last one.
+fn first<T>(addresses: &[SocketAddr], open: impl Fn(SocketAddr) -> io::Result<T>) -> io::Result<T> {
+    let mut opened = Err(io::ErrorKind::AddrNotAvailable.into());
+    for &address in addresses {
+        opened = open(address);
+        if opened.is_ok() {
+            break;
+        }
+    }
+    opened
 }
 
 /// Discards what the autopilot sends. If the buffer filled up, the autopilot could not send anymore.
@@ -265,6 +278,16 @@ mod tests {
     }
 
     #[test]
+    fn a_host_is_tried_at_each_of_its_addresses() {
+        let server = TcpListener::bind("127.0.0.1:0").unwrap();
+        let closed = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+        let open = server.local_addr().unwrap();
+        assert!(Connection::tcp(&[closed, open]).is_ok());
+        assert_eq!(Connection::tcp(&[closed]).unwrap_err().kind(), io::ErrorKind::ConnectionRefused);
+        server.accept().unwrap();
+    }
+
+    #[test]
     fn a_lookup_that_does_not_end_holds_nobody_up() {
         let (answer, answered) = channel();
         let mut link = MavlinkLink::new(MavlinkAddress::Udp("autopilot:14550".to_owned()));
@@ -276,7 +299,7 @@ mod tests {
 
         let autopilot = UdpSocket::bind("127.0.0.1:0").unwrap();
         autopilot.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
-        answer.send(autopilot.local_addr().unwrap()).unwrap();
+        answer.send(vec![autopilot.local_addr().unwrap()]).unwrap();
         let event = loop {
             if let Some(event) = link.keep_alive(Instant::now()) {
                 break event;
