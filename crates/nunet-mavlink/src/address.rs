@@ -8,10 +8,25 @@ use std::str::FromStr;
 
 use nunet_types::{Hint, is_host_and_port};
 
-/// The address of the autopilot: `udpout:HOST:PORT`, `tcpout:HOST:PORT` or `serial:DEVICE:BAUD`, as other
-/// MAVLink programs write it.
+use crate::messages::{COMPONENT_ID, SYSTEM_ID};
+
+/// The address of the autopilot, and what this computer is in its network.
+///
+/// Written as `udpout:HOST:PORT`, `tcpout:HOST:PORT` or `serial:DEVICE:BAUD`, as other MAVLink programs write
+/// it. `,system=N` and `,component=N` may follow.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum MavlinkAddress {
+pub struct MavlinkAddress {
+    /// The connection.
+    pub transport: MavlinkTransport,
+    /// The system, 1 to 255: that of the autopilot, to which a companion computer belongs.
+    pub system_id: u8,
+    /// The component, 1 to 255: one for each program of the system.
+    pub component_id: u8,
+}
+
+/// How an autopilot is reached.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum MavlinkTransport {
     /// Datagrams to a host and port.
     Udp(String),
     /// A TCP server.
@@ -48,11 +63,18 @@ impl AddressError {
 
 impl Hint for AddressError {
     fn hint(&self) -> Option<Cow<'static, str>> {
-        let forms = "pass udpout:HOST:PORT, tcpout:HOST:PORT or serial:DEVICE:BAUD";
+        let forms = "pass udpout:HOST:PORT, tcpout:HOST:PORT or serial:DEVICE:BAUD; \
+                     `,system=N` and `,component=N` of 1 to 255 may follow";
         Some(match with_brackets(&self.0) {
-            Some(address) => format!("{forms}, with an IPv6 address in brackets: {address}").into(),
+            Some(address) => format!("{forms}; write an IPv6 address in brackets: {address}").into(),
             None => forms.into(),
         })
+    }
+}
+
+impl From<MavlinkTransport> for MavlinkAddress {
+    fn from(transport: MavlinkTransport) -> Self {
+        Self { transport, system_id: SYSTEM_ID, component_id: COMPONENT_ID }
     }
 }
 
@@ -61,13 +83,41 @@ impl FromStr for MavlinkAddress {
 
     fn from_str(text: &str) -> Result<Self, AddressError> {
         let wrong = || AddressError(text.to_owned());
-        let (kind, rest) = text.split_once(':').ok_or_else(wrong)?;
-        match kind {
-            "udpout" if is_host_and_port(rest) => Ok(Self::Udp(rest.to_owned())),
-            "tcpout" if is_host_and_port(rest) => Ok(Self::Tcp(rest.to_owned())),
-            "serial" => serial(rest).ok_or_else(wrong),
-            _ => Err(wrong()),
+        let (mut rest, mut system_id, mut component_id) = (text, None, None);
+        while let Some((before, name, id)) = last_setting(rest) {
+            let place = match name {
+                "system" => &mut system_id,
+                "component" => &mut component_id,
+                _ => return Err(wrong()),
+            };
+            let id = id.parse::<u8>().ok().filter(|id| *id > 0).ok_or_else(wrong)?;
+            if place.replace(id).is_some() {
+                return Err(wrong());
+            }
+            rest = before;
         }
+        Ok(Self {
+            transport: transport(rest).ok_or_else(wrong)?,
+            system_id: system_id.unwrap_or(SYSTEM_ID),
+            component_id: component_id.unwrap_or(COMPONENT_ID),
+        })
+    }
+}
+
+/// What is before `,NAME=VALUE`, the name and the value. The name of a device may have commas.
+fn last_setting(text: &str) -> Option<(&str, &str, &str)> {
+    let (before, setting) = text.rsplit_once(',')?;
+    let (name, value) = setting.split_once('=')?;
+    Some((before, name, value))
+}
+
+fn transport(text: &str) -> Option<MavlinkTransport> {
+    let (kind, rest) = text.split_once(':')?;
+    match kind {
+        "udpout" if is_host_and_port(rest) => Some(MavlinkTransport::Udp(rest.to_owned())),
+        "tcpout" if is_host_and_port(rest) => Some(MavlinkTransport::Tcp(rest.to_owned())),
+        "serial" => serial(rest),
+        _ => None,
     }
 }
 
@@ -81,19 +131,29 @@ fn with_brackets(text: &str) -> Option<String> {
 }
 
 /// `DEVICE:BAUD`
-fn serial(text: &str) -> Option<MavlinkAddress> {
+fn serial(text: &str) -> Option<MavlinkTransport> {
     let (device, baud) = text.rsplit_once(':').filter(|(device, _)| !device.is_empty())?;
     let baud = baud.parse::<u32>().ok().filter(|baud| *baud > 0)?;
-    Some(MavlinkAddress::Serial { device: device.into(), baud })
+    Some(MavlinkTransport::Serial { device: device.into(), baud })
 }
 
 impl fmt::Display for MavlinkAddress {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Udp(address) => write!(formatter, "udpout:{address}"),
-            Self::Tcp(address) => write!(formatter, "tcpout:{address}"),
-            Self::Serial { device, baud } => write!(formatter, "serial:{}:{baud}", device.display()),
+        match &self.transport {
+            MavlinkTransport::Udp(host) => write!(formatter, "udpout:{host}")?,
+            MavlinkTransport::Tcp(host) => write!(formatter, "tcpout:{host}")?,
+            MavlinkTransport::Serial { device, baud } => {
+                write!(formatter, "serial:{}:{baud}", device.display())?;
+            }
         }
+        for (name, id, usual) in
+            [("system", self.system_id, SYSTEM_ID), ("component", self.component_id, COMPONENT_ID)]
+        {
+            if id != usual {
+                write!(formatter, ",{name}={id}")?;
+            }
+        }
+        Ok(())
     }
 }
 
@@ -105,6 +165,24 @@ mod tests {
     fn addresses_are_written_as_they_are_read() {
         for text in ["udpout:127.0.0.1:14550", "tcpout:[::1]:5760", "serial:/dev/ttyACM0:921600"] {
             assert_eq!(text.parse::<MavlinkAddress>().unwrap().to_string(), text);
+        }
+    }
+
+    #[test]
+    fn system_and_component_follow_the_address() {
+        let ids = |text: &str| {
+            let MavlinkAddress { system_id, component_id, .. } = text.parse().unwrap();
+            (system_id, component_id)
+        };
+        assert_eq!(ids("udpout:127.0.0.1:14550"), (1, 196));
+        assert_eq!(ids("serial:/dev/a,b:57600,system=7"), (7, 196));
+        assert_eq!(ids("tcpout:[::1]:5760,component=197,system=255"), (255, 197));
+        for text in ["udpout:127.0.0.1:14550,system=2,component=197", "serial:/dev/a,b:57600,component=1"] {
+            assert_eq!(text.parse::<MavlinkAddress>().unwrap().to_string(), text);
+        }
+        for wrong in ["system=0", "system=256", "system=", "system=1,system=2", "name=1", "system"] {
+            let text = format!("udpout:127.0.0.1:14550,{wrong}");
+            assert!(text.parse::<MavlinkAddress>().is_err(), "{text}");
         }
     }
 

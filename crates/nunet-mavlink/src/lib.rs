@@ -5,7 +5,7 @@
 //! | `address` | the address of the autopilot: [`MavlinkAddress`] |
 //! | `ring` | sectors as 72 distances around the vehicle: [`DistanceRing`] |
 //! | `messages` | the bytes of messages |
-//! | `lookup` | the address of a host |
+//! | `lookup` | the addresses of a host |
 //! | `link` | a connection that is reopened after a failure: [`MavlinkLink`] |
 //!
 //! # Example: an obstacle to the right
@@ -31,6 +31,6 @@ mod lookup;
 mod messages;
 mod ring;
 
-pub use address::{AddressError, MavlinkAddress, MavlinkErrorKind};
+pub use address::{AddressError, MavlinkAddress, MavlinkErrorKind, MavlinkTransport};
 pub use link::{LinkEvent, MavlinkLink};
 pub use ring::{BINS, DistanceRing, UNKNOWN_CM};

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use rustix::fs::OFlags;
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 
-use crate::address::MavlinkAddress;
+use crate::address::{MavlinkAddress, MavlinkTransport};
 use crate::lookup::HostLookup;
 use crate::messages::MessageWriter;
 use crate::ring::DistanceRing;
@@ -55,9 +55,9 @@ impl MavlinkLink {
     #[must_use]
     pub fn new(address: MavlinkAddress) -> Self {
         Self {
+            messages: MessageWriter::new(address.system_id, address.component_id),
             address,
             lookup: HostLookup::default(),
-            messages: MessageWriter::default(),
             port: None,
             retry_at: None,
             heartbeat_at: None,
@@ -99,7 +99,7 @@ impl MavlinkLink {
         if self.port.is_some() || self.retry_at.is_some_and(|next| now < next) {
             return None;
         }
-        match Connection::open(&self.address, &mut self.lookup) {
+        match Connection::open(&self.address.transport, &mut self.lookup) {
             Ok(None) => None,
             Ok(port) => {
                 self.port = port;
@@ -132,11 +132,11 @@ enum Connection {
 
 impl Connection {
     /// `None` while the host is looked up.
-    fn open(address: &MavlinkAddress, lookup: &mut HostLookup) -> io::Result<Option<Self>> {
-        match address {
-            MavlinkAddress::Udp(host) => lookup.poll(host)?.map(|to| first(&to, Self::udp)).transpose(),
-            MavlinkAddress::Tcp(host) => lookup.poll(host)?.map(|to| Self::tcp(&to)).transpose(),
-            MavlinkAddress::Serial { device, baud } => Ok(Some(Self::Serial(serial(device, *baud)?))),
+    fn open(transport: &MavlinkTransport, lookup: &mut HostLookup) -> io::Result<Option<Self>> {
+        match transport {
+            MavlinkTransport::Udp(host) => lookup.poll(host)?.map(|to| first(&to, Self::udp)).transpose(),
+            MavlinkTransport::Tcp(host) => lookup.poll(host)?.map(|to| Self::tcp(&to)).transpose(),
+            MavlinkTransport::Serial { device, baud } => Ok(Some(Self::Serial(serial(device, *baud)?))),
         }
     }
 
@@ -242,7 +242,8 @@ mod tests {
     fn heartbeats_come_once_per_second_and_distances_15_times_at_most() {
         let autopilot = UdpSocket::bind("127.0.0.1:0").unwrap();
         autopilot.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
-        let mut link = MavlinkLink::new(MavlinkAddress::Udp(autopilot.local_addr().unwrap().to_string()));
+        let mut link =
+            MavlinkLink::new(MavlinkTransport::Udp(autopilot.local_addr().unwrap().to_string()).into());
         let (start, ring) = (Instant::now(), DistanceRing::default());
         assert_eq!(link.send(&ring, 1, start), Some(LinkEvent::Opened));
         // 100 frames per second for two seconds, by a clock of the test's own.
@@ -264,7 +265,7 @@ mod tests {
         let server = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = server.local_addr().unwrap();
         drop(server);
-        let mut link = MavlinkLink::new(MavlinkAddress::Tcp(address.to_string()));
+        let mut link = MavlinkLink::new(MavlinkTransport::Tcp(address.to_string()).into());
         let start = Instant::now();
         assert!(matches!(link.keep_alive(start), Some(LinkEvent::Lost(_))));
         assert_eq!(link.keep_alive(start + RETRY), None, "it was reported");
@@ -290,7 +291,7 @@ mod tests {
     #[test]
     fn a_lookup_that_does_not_end_holds_nobody_up() {
         let (answer, answered) = channel();
-        let mut link = MavlinkLink::new(MavlinkAddress::Udp("autopilot:14550".to_owned()));
+        let mut link = MavlinkLink::new(MavlinkTransport::Udp("autopilot:14550".to_owned()).into());
         let looked = link.lookup.poll_with(move || answered.recv().map_err(io::Error::other));
         assert_eq!(looked.unwrap(), None);
         let start = Instant::now();
@@ -313,8 +314,8 @@ mod tests {
 
     #[test]
     fn a_device_that_is_no_serial_line_is_an_error() {
-        let address = MavlinkAddress::Serial { device: "/dev/null".into(), baud: 57_600 };
-        let mut link = MavlinkLink::new(address);
+        let line = MavlinkTransport::Serial { device: "/dev/null".into(), baud: 57_600 };
+        let mut link = MavlinkLink::new(line.into());
         assert!(matches!(link.keep_alive(Instant::now()), Some(LinkEvent::Lost(_))));
     }
 }

@@ -8,16 +8,25 @@ use mavlink::dialects::common::{
 
 use crate::ring::{BIN_DEG, DistanceRing};
 
-/// The system of the autopilot, to which a companion computer belongs.
-const SYSTEM_ID: u32 = 1;
+/// The usual system of an autopilot.
+pub(crate) const SYSTEM_ID: u8 = 1;
+/// The usual component of what this computer does.
+pub(crate) const COMPONENT_ID: u8 = MavComponent::MAV_COMP_ID_OBSTACLE_AVOIDANCE as u8;
 
 /// Writes messages with consecutive numbers.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct MessageWriter {
+    system_id: u8,
+    component_id: u8,
     sequence: u8,
 }
 
 impl MessageWriter {
+    /// Writes the messages of a component of a system.
+    pub(crate) fn new(system_id: u8, component_id: u8) -> Self {
+        Self { system_id, component_id, sequence: 0 }
+    }
+
     /// A `HEARTBEAT`: this computer is alive.
     pub(crate) fn heartbeat(&mut self) -> Vec<u8> {
         self.bytes(&MavMessage::HEARTBEAT(HEARTBEAT_DATA {
@@ -45,9 +54,9 @@ impl MessageWriter {
     }
 
     fn bytes(&mut self, message: &MavMessage) -> Vec<u8> {
-        let component_id = MavComponent::MAV_COMP_ID_OBSTACLE_AVOIDANCE as u8;
-        let header = MavHeader { system_id: SYSTEM_ID, component_id, sequence: self.sequence };
-        self.sequence = self.sequence.wrapping_add(1);
+        let Self { system_id, component_id, sequence } = *self;
+        let header = MavHeader { system_id: system_id.into(), component_id, sequence };
+        self.sequence = sequence.wrapping_add(1);
         let mut bytes = Vec::with_capacity(280); // the longest message
         match mavlink::write_v2_msg(&mut bytes, header, message) {
             Ok(_) => bytes,
@@ -67,7 +76,7 @@ mod tests {
 
     #[test]
     fn messages_are_numbered_and_read_back() {
-        let mut messages = MessageWriter::default();
+        let mut messages = MessageWriter::new(SYSTEM_ID, COMPONENT_ID);
         let (header, heartbeat) = read(&messages.heartbeat());
         assert_eq!((header.system_id, header.component_id, header.sequence), (1, 196, 0));
         let MavMessage::HEARTBEAT(heartbeat) = heartbeat else { panic!("{heartbeat:?}") };
@@ -83,5 +92,13 @@ mod tests {
             (distance.frame, distance.time_usec),
             (MavFrame::MAV_FRAME_BODY_FRD, 1_700_000_000_000_000)
         );
+    }
+    #[test]
+    fn messages_come_from_the_system_and_component_that_were_chosen() {
+        let mut messages = MessageWriter::new(255, 197);
+        for bytes in [messages.heartbeat(), messages.obstacle_distance(&DistanceRing::default(), 1)] {
+            let (header, _) = read(&bytes);
+            assert_eq!((header.system_id, header.component_id), (255, 197));
+        }
     }
 }

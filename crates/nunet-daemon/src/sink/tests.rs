@@ -21,7 +21,7 @@ use nunet_core::depth::{DepthEncoding, Scale};
 use nunet_core::obstacle::{Ground, ObstacleSector, Obstacles};
 #[cfg(feature = "foxglove")]
 use nunet_foxglove::FoxgloveConfig;
-use nunet_mavlink::MavlinkAddress;
+use nunet_mavlink::MavlinkTransport;
 use nunet_ros2::{CameraOptions, OutputName, Ros2Options, Topic, Topics};
 use nunet_sink::archive::Archive;
 use nunet_sink::last_frame::last_frame_into;
@@ -250,11 +250,11 @@ fn mavlink(_folder: &Path, backend: Backend) -> Rig {
     let autopilot = UdpSocket::bind("127.0.0.1:0").unwrap();
     autopilot.set_read_timeout(Some(TIMEOUT)).unwrap();
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let address = match backend {
-        Backend::Good => MavlinkAddress::Udp(autopilot.local_addr().unwrap().to_string()),
+    let transport = match backend {
+        Backend::Good => MavlinkTransport::Udp(autopilot.local_addr().unwrap().to_string()),
         // A peer that does not read, or a closed port.
         Backend::Hanging | Backend::Failing => {
-            MavlinkAddress::Tcp(listener.local_addr().unwrap().to_string())
+            MavlinkTransport::Tcp(listener.local_addr().unwrap().to_string())
         }
     };
     let listener = Some(listener).filter(|_| backend == Backend::Hanging);
@@ -262,7 +262,7 @@ fn mavlink(_folder: &Path, backend: Backend) -> Rig {
     // Bytes 7 to 9 are the number of the message.
     let is_distance = |message: &[u8]| message[7..10] == [0x4a, 1, 0];
     Rig {
-        sink: mavlink_sink(address, on_room).unwrap(),
+        sink: mavlink_sink(transport.into(), on_room).unwrap(),
         release: Box::new(move || drop((release, listener))),
         arrived: Box::new(move |_| {
             let mut buffer = [0; 300];
