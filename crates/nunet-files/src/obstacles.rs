@@ -32,8 +32,8 @@ pub struct BirdsEye<'a>(pub ObstacleMap<'a>);
 impl BirdsEye<'_> {
     /// The robot's surroundings from above: forward is up, left is left, the robot is in the middle of the
     /// lower edge (of the image, if it sees behind itself). Green is free, gray unknown, red an obstacle,
-    /// orange a drop, purple remembered. The image is at most 800 pixels wide. Rings are 1 m apart; 5 m if the
-    /// range is more than 10 m, 10 m if it is more than 30 m.
+    /// orange a drop, purple remembered. The image is at most 800 pixels wide. Rings are 1 m apart, 5 m if
+    /// the range is more than 10 m, 10 m if it is more than 30 m.
     #[must_use]
     pub fn draw(&self) -> RgbImage {
         let px_per_m = self.px_per_m();
