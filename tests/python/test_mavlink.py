@@ -103,10 +103,23 @@ def test_an_autopilot_sees_a_computer_that_is_alive_and_distances_10_to_15_times
     assert sum(periods) / len(periods) > 60_000, "20 frames per second are too many"
 
 
+def test_two_cameras_of_another_vehicle_are_two_components_of_its_system(nunetd):
+    senders = set()
+    with autopilot() as (connection, address):
+        for component in (196, 197):
+            chosen = f"{address},system=42,component={component}"
+            subprocess.run(command(nunetd, "ids", "--frames", "3", "--mavlink", chosen), check=True)
+        # All have been sent, so nothing is waited for.
+        while (message := connection.recv_match(type="OBSTACLE_DISTANCE")) is not None:
+            senders.add((message.get_srcSystem(), message.get_srcComponent()))
+    assert senders == {(42, 196), (42, 197)}
+
+
 @pytest.mark.parametrize(
     "more, words",
     [
         (["--mavlink", "udp:127.0.0.1:14550"], "is not a MAVLink address"),
+        (["--mavlink", "udpout:127.0.0.1:14550,system=0"], "is not a MAVLink address"),
         (["--mavlink", "udpout:127.0.0.1:14550", "--mount", "0,0,-1,0,0,0"], "above the floor"),
     ],
 )

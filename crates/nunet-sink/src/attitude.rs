@@ -169,14 +169,15 @@ impl AttitudeStage {
     }
 
     fn warn(&mut self, reason: &str, hint: Option<&str>) {
-        if let Some(text) = self.warning(reason, Instant::now()) {
+        if let Some(text) = self.warning(reason, hint, Instant::now()) {
             warn!(hint, "{text}");
         }
     }
 
-    /// The warning, if none was logged in the last 10 s, whatever its reason and its counts.
-    fn warning(&mut self, reason: &str, now: Instant) -> Option<String> {
-        let suppressed = self.warned.allow_text(now, "")?;
+    /// The warning, unless the last one was of this reason and less than 10 s ago. The hint stands for the
+    /// reason: it has no counts and no angles.
+    fn warning(&mut self, reason: &str, hint: Option<&str>, now: Instant) -> Option<String> {
+        let suppressed = self.warned.allow_text(now, hint.unwrap_or(reason))?;
         let Self { frames, frames_without, .. } = self;
         let frames = counted(*frames, "frame");
         Some(format!(
@@ -248,17 +249,19 @@ mod tests {
     }
 
     #[test]
-    fn a_warning_comes_once_per_10_seconds_whatever_its_counts_and_its_reason() {
+    fn a_reason_is_logged_once_per_10_seconds_whatever_its_counts_and_angles() {
         let mut stage = replayed_on(Mount::new([0.0, 0.0, 0.25], [0.0; 3]).unwrap());
         let start = Instant::now();
         (stage.frames, stage.frames_without) = (1, 1);
         let first = "the robot counts as level in 1 of 1 frame, because its attitude is unknown: none";
-        assert_eq!(stage.warning("none", start).as_deref(), Some(first));
+        assert_eq!(stage.warning("none", None, start).as_deref(), Some(first));
         (stage.frames, stage.frames_without) = (2, 2);
-        assert_eq!(stage.warning("none", start), None);
-        assert_eq!(stage.warning("another", start + Duration::from_secs(9)), None);
-        let next = stage.warning("another", start + Duration::from_secs(10)).unwrap();
-        assert!(next.contains("in 2 of 2 frames") && next.contains("another (2 similar"), "{next}");
+        assert_eq!(stage.warning("none", None, start), None);
+        let hint = Some(WRONG_ATTITUDE_HINT);
+        let other = stage.warning("roll 2.00", hint, start).unwrap();
+        assert!(other.contains("in 2 of 2 frames") && other.contains("roll 2.00 (1 similar"), "{other}");
+        assert_eq!(stage.warning("roll -2.00", hint, start + Duration::from_secs(9)), None);
+        assert!(stage.warning("roll -2.00", hint, start + Duration::from_secs(10)).is_some());
     }
 
     #[test]
