@@ -57,7 +57,7 @@ macro_rules! from_str {
     ($error:path: $($type:ty),+) => {
         $(impl FromText for $type {
             fn from_text(text: &str) -> Result<Self, BadArguments> {
-                text.parse().map_err(|error| $error(&error))
+                <Self as FromStr>::from_str(text).map_err(|error| $error(&error))
             }
         })+
     };
