@@ -64,13 +64,8 @@ macro_rules! from_str {
 }
 
 from_str!(BadArguments::of: Provider, IntrinsicsSpec, FilterSpec, MavlinkAddress, LinkName, DepthFormat);
-from_str!(with_hint: MountOption);
+from_str!(BadArguments::from_text: MountOption);
 from_str!(plain: CameraSetting, Rate, Rotation, ImageSize, PixelFormat, StabilityLimit, AttitudeSource);
-
-/// For a text that contains its hint.
-fn with_hint(error: &impl AsRef<str>) -> BadArguments {
-    BadArguments::from_text(error.as_ref())
-}
 
 fn plain(error: &impl Display) -> BadArguments {
     BadArguments::new(error.to_string())
