@@ -93,6 +93,33 @@ fn a_point_outside_the_image_is_named_with_its_line() {
 }
 
 #[test]
+fn a_factor_is_for_the_aspect_mode_that_it_was_measured_with() {
+    let (bench, depth_m) = bench_with_images();
+    let wide = (2 * SIZE.0, SIZE.1);
+    std::fs::create_dir(bench.path("wide")).unwrap();
+    let image = image::RgbImage::from_pixel(wide.0, wide.1, image::Rgb([90, 120, 60]));
+    image.save(bench.path("wide/a.png")).unwrap();
+    let lens = calibration(wide, [500.0, 500.0, 639.5, 239.5], "plumb_bob", &[0.0; 5]);
+    std::fs::write(bench.path("wide.yaml"), lens).unwrap();
+    let (images, file) = (bench.arg("wide"), bench.arg("wide.yaml"));
+    let distance = (FACTOR * depth_m).to_string();
+    calibrate(&bench, &["--source", &images, "--distance", &distance, "--calibration", &file]);
+    let written = std::fs::read_to_string(&file).unwrap();
+    assert!(written.contains("\n  aspect: crop\n"), "{written}");
+
+    let (model, image, out) = (bench.arg("model.onnx"), bench.arg("wide/a.png"), bench.arg("out"));
+    let warnings = |aspect: &str| {
+        let arguments = ["infer", &image, "--out", &out, "--model", &model, "--calibration", &file];
+        let stderr = text(&run_well(nunetd(&[&arguments[..], &["--aspect", aspect]].concat())).stderr);
+        let is_about_factor = |line: &&str| line.contains("WARN") && line.contains("scale factor");
+        stderr.lines().filter(is_about_factor).map(str::to_owned).collect::<Vec<_>>()
+    };
+    let of_stretch = warnings("stretch");
+    assert!(of_stretch.len() == 1 && of_stretch[0].contains("`crop`"), "{of_stretch:?}");
+    assert_eq!(warnings("crop"), Vec::<String>::new());
+}
+
+#[test]
 fn readings_give_a_factor_and_contradicting_ones_are_refused_by_line() {
     let (bench, depth_m) = bench_with_images();
     let table = |distances: [f64; 3]| {

@@ -3,6 +3,7 @@
 //! | item | what it is |
 //! |------|------------|
 //! | [`ImageSize`], [`PixelFormat`], [`PixelRect`] | the layout of an image in memory, and a part of it |
+//! | [`AspectMode`] | what is done with images of another aspect ratio than the network's |
 //! | [`Units`], [`ScaleSource`], [`Quality`] | the meaning of a depth map's numbers |
 //! | [`CameraInfo`], [`DistortionModel`] | intrinsics and lens of a camera, as messages carry them |
 //! | [`SensorRegion`] | the part of its sensor that a camera delivers |
@@ -15,8 +16,9 @@
 //! | [`shortest()`] | a number that prints as it was written |
 //! | [`counted()`] | a count with its noun in the singular or plural |
 //!
-//! Each enumeration has a number (in shared memory), a name (on the command line, in files, in JSON) and a
-//! documentation text (in the C header). One macro writes all three, so they cannot differ.
+//! Each enumeration of the shared-memory contract has a number (in shared memory), a name (on the command
+//! line, in files, in JSON) and a documentation text (in the C header). One macro writes all three, so they
+//! cannot differ.
 //!
 //! # Example: the bytes of an image
 //! ```
@@ -36,6 +38,7 @@
 // For `contract_struct!`, which names this crate from outside.
 extern crate self as nunet_types;
 
+mod aspect_mode;
 mod camera_info;
 mod classes;
 mod cloud_point;
@@ -57,6 +60,7 @@ mod sensor_region;
 mod shortest;
 mod vocabulary;
 
+pub use aspect_mode::AspectMode;
 pub use camera_info::{CameraInfo, DistortionModel, MAX_COEFFICIENTS};
 pub use classes::NYU13_CLASSES;
 pub use cloud_point::{CloudPoint, NO_LABEL};

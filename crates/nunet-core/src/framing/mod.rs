@@ -5,8 +5,8 @@
 
 mod aspect;
 
-pub use aspect::{AspectMode, MAX_STRETCH};
-pub use nunet_types::PixelRect;
+pub use aspect::MAX_STRETCH;
+pub use nunet_types::{AspectMode, PixelRect};
 
 use nunet_types::ImageSize;
 
@@ -52,6 +52,12 @@ impl Framing {
         }
         let is_too_small = differs && mode == AspectMode::Crop && view == PixelRect::whole(image);
         Self { image, network, view, target, is_too_small }
+    }
+
+    /// For the same images and the same network with another mode.
+    #[must_use]
+    pub fn with_mode(&self, mode: AspectMode) -> Self {
+        Self::new(mode, self.image, self.network)
     }
 
     /// The size of the image.

@@ -5,7 +5,7 @@ use nunet_types::ImageSize;
 use super::lens::Lens;
 use super::{Pipeline, PipelineError, PipelineOptions};
 use crate::camera::Camera;
-use crate::framing::Framing;
+use crate::framing::{AspectMode, Framing};
 
 impl Pipeline {
     /// Sets the camera of the frames from now on; `None` if it is not known.
@@ -44,6 +44,12 @@ impl Pipeline {
         self.lens = Lens::new(&options, &framing, &mut self.network.graph)?;
         self.network.set_framing(framing);
         self.set_options(options)
+    }
+
+    /// What is done with images of another aspect ratio than the network's.
+    #[must_use]
+    pub fn aspect(&self) -> AspectMode {
+        self.options.aspect
     }
 
     /// Which part of the image the results cover.

@@ -42,6 +42,7 @@ impl Calibrator {
             factor: found.factor,
             spread: found.spread,
             agreeing: found.agreeing,
+            aspect: self.pipeline.aspect(),
             model: model.0.to_owned(),
             model_sha256: model.1.to_owned(),
         };

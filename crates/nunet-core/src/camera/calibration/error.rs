@@ -107,6 +107,12 @@ pub enum CalibrationError {
         /// The text.
         text: String,
     },
+    /// Not the name of a mode for images of another aspect ratio.
+    #[error("`aspect` is `{text:.40}`, expected `crop`, `stretch` or `letterbox`")]
+    Aspect {
+        /// The text.
+        text: String,
+    },
     /// A file that a factor of depth cannot be added to.
     #[error("`nunet_scale` cannot be added to it: {reason}")]
     NoPlaceForScale {
@@ -163,6 +169,7 @@ impl Hint for CalibrationError {
                  camera that is not calibrated"
             }
             Self::ModelHash { .. } => "omit it for a factor that holds for any model",
+            Self::Aspect { .. } => "omit it if it is not known how the factor was measured",
             Self::NoPlaceForScale { .. } => "write the file with one unindented `key: value` per line",
             Self::Lens(error) => return error.hint(),
         };

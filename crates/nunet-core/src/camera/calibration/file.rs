@@ -16,7 +16,10 @@ pub(super) fn parse(text: &str) -> Result<Calibration, CalibrationError> {
     } else {
         parse_yaml::<CameraInfoFile>(&document)?.calibration(&document)?
     };
-    Ok(Calibration { scale, ..calibration })
+    Ok(match scale {
+        Some((scale, scale_aspect)) => Calibration { scale: Some(scale), scale_aspect, ..calibration },
+        None => calibration,
+    })
 }
 
 /// The keys that are read of a file and of a printed message; others are ignored. All are optional here, so

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use nunet_types::AspectMode;
 use serde::Deserialize;
 
 use super::document::document_range;
@@ -30,6 +31,8 @@ pub struct ScaleNote {
     pub spread: f64,
     /// How many observations agreed.
     pub agreeing: usize,
+    /// What was done with images of another aspect ratio than the network's.
+    pub aspect: AspectMode,
     /// The model's name.
     pub model: String,
     /// SHA-256 of the model, hexadecimal.
@@ -45,10 +48,12 @@ struct ScaleFile {
 struct ScaleEntry {
     factor: Option<f64>,
     model_sha256: Option<String>,
+    /// Older versions do not write it.
+    aspect: Option<String>,
 }
 
-/// The factor in a calibration file.
-pub(super) fn parse(text: &str) -> Result<Option<CalibratedScale>, CalibrationError> {
+/// The factor in a calibration file, and the mode that it was measured with.
+pub(super) fn parse(text: &str) -> Result<Option<(CalibratedScale, Option<AspectMode>)>, CalibrationError> {
     // Another parser reads the other keys. A file without this key is not parsed twice.
     if !text.contains(KEY) {
         return Ok(None);
@@ -57,7 +62,12 @@ pub(super) fn parse(text: &str) -> Result<Option<CalibratedScale>, CalibrationEr
     let missing = || CalibrationError::Missing { key: format!("{KEY}: factor") };
     let factor = check_scale_factor(entry.factor.ok_or_else(missing)?)?;
     let model_hash = entry.model_sha256.map(|text| hash(&text)).transpose()?;
-    Ok(Some(CalibratedScale { factor, model_hash }))
+    let aspect = entry.aspect.map(aspect).transpose()?;
+    Ok(Some((CalibratedScale { factor, model_hash }, aspect)))
+}
+
+fn aspect(text: String) -> Result<AspectMode, CalibrationError> {
+    AspectMode::named(&text).ok_or(CalibrationError::Aspect { text })
 }
 
 fn hash(text: &str) -> Result<[u8; 32], CalibrationError> {
@@ -86,7 +96,7 @@ impl ScaleNote {
         let written = self.inserted_into(text);
         let broken = |reason: String| CalibrationError::NoPlaceForScale { reason };
         let after = Calibration::parse(&written).map_err(|error| broken(error.to_string()))?;
-        let expected = Calibration { scale: after.scale, ..before };
+        let expected = Calibration { scale: after.scale, scale_aspect: after.scale_aspect, ..before };
         let is_this = |scale: CalibratedScale| {
             (f64::from(scale.factor) - self.factor).abs() < 1e-5 * (1.0 + self.factor)
                 && scale.model_hash == hash(&self.model_sha256).ok()
@@ -94,7 +104,7 @@ impl ScaleNote {
         if after != expected {
             return Err(broken("the camera would change".to_owned()));
         }
-        if !after.scale.is_some_and(is_this) {
+        if !after.scale.is_some_and(is_this) || after.scale_aspect != Some(self.aspect) {
             return Err(broken("the factor would not be read".to_owned()));
         }
         Ok(written)
@@ -115,7 +125,7 @@ impl ScaleNote {
     }
 
     fn block(&self) -> String {
-        let Self { factor, spread, agreeing, model, model_sha256 } = self;
+        let Self { factor, spread, agreeing, aspect, model, model_sha256 } = self;
         let mut text = format!("{KEY}:\n  factor: {factor:.5}\n");
         if spread.is_finite() {
             // Writing into a string does not fail.
@@ -123,7 +133,10 @@ impl ScaleNote {
         }
         // A string of JSON is one of YAML.
         let model = serde_json::Value::from(model.as_str());
-        text + &format!("  agreeing: {agreeing}\n  model: {model}\n  model_sha256: \"{model_sha256}\"\n")
+        let aspect = aspect.name();
+        text + &format!(
+            "  agreeing: {agreeing}\n  aspect: {aspect}\n  model: {model}\n  model_sha256: \"{model_sha256}\"\n"
+        )
     }
 }
 
@@ -175,7 +188,8 @@ distortion_coefficients: {rows: 1, cols: 5, data: [0.1, 0, 0, 0, 0]}
 
     fn note(factor: f64) -> ScaleNote {
         let model = "wnet_c \"new\".onnx".to_owned();
-        ScaleNote { factor, spread: 0.0213, agreeing: 28, model, model_sha256: "0a".repeat(32) }
+        let (spread, agreeing, aspect) = (0.0213, 28, AspectMode::Letterbox);
+        ScaleNote { factor, spread, agreeing, aspect, model, model_sha256: "0a".repeat(32) }
     }
 
     fn written(factor: f64, text: &str) -> String {
@@ -188,6 +202,7 @@ distortion_coefficients: {rows: 1, cols: 5, data: [0.1, 0, 0, 0, 0]}
         assert!(text.starts_with(FILE), "{text}");
         let calibration = Calibration::parse(&text).unwrap();
         assert_eq!(calibration.scale(), Some(CalibratedScale { factor: 0.83, model_hash: Some([10; 32]) }));
+        assert_eq!(calibration.scale_aspect(), Some(AspectMode::Letterbox));
         assert_eq!(calibration.camera(), Calibration::parse(FILE).unwrap().camera());
         assert_eq!(written(1.2, &text), written(1.2, FILE), "the old factor is replaced");
     }
@@ -295,6 +310,18 @@ distortion_coefficients: !!opencv-matrix
             assert!(scale(wrong).is_err(), "{wrong}");
         }
         assert_eq!(Calibration::parse(FILE).unwrap().scale(), None);
+    }
+
+    #[test]
+    fn a_factor_of_an_older_version_has_no_aspect_mode_and_a_wrong_one_is_named() {
+        let hash = "0a".repeat(32);
+        let block =
+            "nunet_scale:\n  factor: 0.94404\n  spread: 0.0050\n  agreeing: 30\n  model: \"wnet_c.onnx\"\n";
+        let older = Calibration::parse(&format!("{FILE}{block}  model_sha256: \"{hash}\"\n")).unwrap();
+        let scale = CalibratedScale { factor: 0.94404, model_hash: Some([10; 32]) };
+        assert_eq!((older.scale(), older.scale_aspect()), (Some(scale), None));
+        let wrong = Calibration::parse(&format!("{FILE}nunet_scale: {{factor: 0.9, aspect: squeeze}}\n"));
+        assert_eq!(wrong, Err(CalibrationError::Aspect { text: "squeeze".to_owned() }));
     }
 
     #[test]
