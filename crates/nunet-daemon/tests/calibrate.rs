@@ -342,6 +342,15 @@ fn unknown_intrinsics_for_a_file_are_an_error_at_the_first_frame() {
 }
 
 #[test]
+fn a_broken_factor_in_the_named_calibration_says_how_to_get_another_one() {
+    let (bench, _) = bench_with_images();
+    let (images, file) = (bench.arg("images"), bench.arg("front.yaml"));
+    let broken = std::fs::read_to_string(&file).unwrap() + "nunet_scale: {factor: -1}\n";
+    std::fs::write(&file, broken).unwrap();
+    snapshot!(refused(&bench, &["--source", &images, "--distance", "2", "--calibration", &file]));
+}
+
+#[test]
 fn errors_have_the_hints_and_exit_codes_of_other_subcommands() {
     let (bench, _) = bench_with_images();
     let (images, model) = (bench.arg("images"), bench.arg("model.onnx"));

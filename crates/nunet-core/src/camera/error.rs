@@ -1,6 +1,7 @@
 //! The errors of intrinsics and lens coefficients.
 
 use std::borrow::Cow;
+use std::ops::RangeInclusive;
 
 use nunet_types::Hint;
 
@@ -51,7 +52,7 @@ pub enum CameraError {
         value: f64,
     },
     /// A factor of depth out of range.
-    #[error("the scale factor is {factor}, expected {min} to {max}")]
+    #[error("the scale factor is {}, expected {min} to {max}", shown(*factor, *min..=*max))]
     ScaleFactor {
         /// The factor.
         factor: f64,
@@ -182,6 +183,12 @@ impl Hint for CameraError {
             Self::NotFinite { .. } | Self::NotPositive { .. } | Self::Size { .. } => return None,
         })
     }
+}
+
+/// A factor out of range with four digits, or with all if four would be in range.
+fn shown(factor: f64, range: RangeInclusive<f32>) -> f64 {
+    let rounded = format!("{factor:.3e}").parse().unwrap_or(factor);
+    if range.contains(&(rounded as f32)) { factor } else { rounded }
 }
 
 /// `4`, `4 or 5`, `4, 5 or 8`.

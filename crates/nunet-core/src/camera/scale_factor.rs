@@ -32,4 +32,20 @@ mod tests {
             assert!(check_scale_factor(wrong).is_err(), "{wrong}");
         }
     }
+
+    #[test]
+    fn an_error_has_four_digits_unless_they_would_be_in_range() {
+        for (factor, shown) in [
+            (129.331_533_561_327_64, "129.3"),
+            (0.001, "0.001"),
+            (-1.0, "-1"),
+            (1000.0, "1000"),
+            (20.0001, "20.0001"),
+            (f64::NAN, "NaN"),
+            (f64::INFINITY, "inf"),
+        ] {
+            let error = check_scale_factor(factor).unwrap_err().to_string();
+            assert!(error.contains(&format!(" {shown},")), "{error}");
+        }
+    }
 }

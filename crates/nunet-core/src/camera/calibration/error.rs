@@ -8,6 +8,9 @@ use super::{MAX_BYTES, MAX_IGNORED_SKEW};
 use crate::camera::{CameraError, Distortion};
 use crate::error_kind::ErrorKind;
 
+/// The hint for a factor that is wrong or missing.
+const SCALE_HINT: &str = "remove `nunet_scale` from the file, or correct its `factor`";
+
 /// Why a calibration cannot be used.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -119,7 +122,10 @@ pub enum CalibrationError {
         /// What adding it would do.
         reason: String,
     },
-    /// Coefficients or a factor of depth out of range.
+    /// A factor of depth out of range.
+    #[error("`nunet_scale`: {0}")]
+    ScaleFactor(CameraError),
+    /// Coefficients out of range.
     #[error(transparent)]
     Lens(#[from] CameraError),
 }
@@ -138,6 +144,8 @@ impl Hint for CalibrationError {
             Self::TooLong | Self::Empty | Self::Syntax { .. } => {
                 "pass a `camera_info` file as ROS's camera_calibration writes it (YAML, about 1 kB)"
             }
+            Self::ScaleFactor(_) => SCALE_HINT,
+            Self::Missing { key } if key.starts_with("nunet_scale") => SCALE_HINT,
             Self::Missing { .. } => {
                 "a `camera_info` file has `image_width`, `image_height`, `camera_matrix`, `distortion_model` and \
                  `distortion_coefficients`; the matrices have `rows`, `cols` and `data`"

@@ -60,7 +60,9 @@ pub(super) fn parse(text: &str) -> Result<Option<(CalibratedScale, Option<Aspect
     }
     let Some(entry) = parse_yaml::<ScaleFile>(text)?.nunet_scale else { return Ok(None) };
     let missing = || CalibrationError::Missing { key: format!("{KEY}: factor") };
-    let factor = check_scale_factor(entry.factor.ok_or_else(missing)?)?;
+    let factor = entry.factor.ok_or_else(missing)?;
+    // Its own hint is for a factor that the user passed.
+    let factor = check_scale_factor(factor).map_err(CalibrationError::ScaleFactor)?;
     let model_hash = entry.model_sha256.map(|text| hash(&text)).transpose()?;
     let aspect = entry.aspect.map(aspect).transpose()?;
     Ok(Some((CalibratedScale { factor, model_hash }, aspect)))
@@ -172,6 +174,8 @@ impl Calibration {
 
 #[cfg(test)]
 mod tests {
+    use nunet_types::Hint as _;
+
     use super::*;
     use crate::camera::{Distortion, KannalaBrandt};
 
@@ -308,6 +312,10 @@ distortion_coefficients: !!opencv-matrix
             ["{}", "{factor: -1}", "{factor: .nan}", "{factor: x}", "{factor: 1, model_sha256: 12}", "[1]"]
         {
             assert!(scale(wrong).is_err(), "{wrong}");
+        }
+        for wrong in ["{}", "{factor: -1}"] {
+            let hint = scale(wrong).unwrap_err().hint().unwrap();
+            assert!(hint.contains("remove `nunet_scale`"), "{wrong}: {hint}");
         }
         assert_eq!(Calibration::parse(FILE).unwrap().scale(), None);
     }
