@@ -46,7 +46,7 @@ pub struct CameraResolver {
 #[derive(Debug)]
 enum Named {
     Intrinsics(IntrinsicsSpec),
-    Calibration(Calibration),
+    Calibration(Box<Calibration>),
 }
 
 impl Named {
@@ -81,7 +81,7 @@ impl CameraResolver {
     /// The calibration file cannot be read or is not a calibration, or a factor of depth is given twice.
     pub fn new(geometry: &CameraGeometry) -> Result<Self, SourceError> {
         let named = match (&geometry.calibration, geometry.intrinsics) {
-            (Some(path), _) => Some(Named::Calibration(read_calibration(path)?)),
+            (Some(path), _) => Some(Named::Calibration(read_calibration(path)?.into())),
             (None, intrinsics) => intrinsics.map(Named::Intrinsics),
         };
         let resolver = Self { named, rotation: geometry.rotation, ..Self::default() };
