@@ -8,7 +8,7 @@ use nunet_core::camera::{Mount, MountDoubt, MountError};
 use nunet_types::Hint as _;
 use serde::Deserialize;
 
-use super::table::{by_id, rows};
+use super::table::{by_id, parsed_rows};
 use crate::error::{Cause, EvalError};
 use crate::event::{Event, OnEvent};
 use crate::text_file::read_list;
@@ -79,11 +79,11 @@ fn read(root: &Path) -> Result<BTreeMap<String, Mount>, EvalError> {
     let path = root.join(FILE);
     let wrong = |reason: String, hint| EvalError::Mounts { path: path.clone(), reason, hint };
     let no_table = |error: Cause| wrong(error.to_string(), Some(Cow::Borrowed(COLUMNS_HINT)));
-    if path.exists() {
-        let text = read_list(&path).map_err(|error| wrong(error.to_string(), None))?;
-        check_separator(&text).map_err(no_table)?;
+    if !path.exists() {
+        return Ok(BTreeMap::new());
     }
-    let table: Vec<MountRow> = rows(&path).map_err(no_table)?;
+    let text = read_list(&path).map_err(|error| wrong(error.to_string(), None))?;
+    let table: Vec<MountRow> = parsed_rows(&text).map_err(no_table)?;
     let mount = |row: MountRow| match row.mount() {
         Ok(mount) => Ok((row.id, mount)),
         Err(error) => Err(wrong(format!("image `{:.60}`: {error}", row.id), error.hint())),
@@ -91,19 +91,6 @@ fn read(root: &Path) -> Result<BTreeMap<String, Mount>, EvalError> {
     let mounts = table.into_iter().map(mount).collect::<Result<Vec<_>, EvalError>>()?;
     let twice = |error: Cause| wrong(error.to_string(), Some("keep one row for each image".into()));
     by_id(mounts.into_iter().map(Ok)).map_err(twice)
-}
-
-/// Refuses a CSV table whose header has other separators than commas, as spreadsheets of some countries write
-/// it: all columns would be one.
-fn check_separator(text: &str) -> Result<(), Cause> {
-    let header = text.lines().next().unwrap_or_default();
-    let others = [(';', "semicolons"), ('\t', "tabs")];
-    match others.into_iter().find(|(separator, _)| header.contains(*separator)) {
-        Some((_, found)) if !header.contains(',') => {
-            Err(format!("its columns are separated by {found}, expected commas").into())
-        }
-        _ => Ok(()),
-    }
 }
 
 #[cfg(test)]

@@ -23,13 +23,17 @@ pub(crate) fn wrong_separator(text: &str) -> Option<String> {
     Some(format!("its columns are separated by {name}, expected commas: `{shown:.60}`"))
 }
 
-/// The rows of a CSV file; none if there is no such file. Columns that `Row` does not name are ignored.
+/// The rows of a CSV file; none if there is no such file.
 pub(super) fn rows<Row: DeserializeOwned>(path: &Path) -> Result<Vec<Row>, Cause> {
     if !path.exists() {
         return Ok(Vec::new());
     }
-    let text = read_list(path)?;
-    if let Some(reason) = wrong_separator(&text) {
+    parsed_rows(&read_list(path)?)
+}
+
+/// The rows of a CSV table. Columns that `Row` does not name are ignored.
+pub(super) fn parsed_rows<Row: DeserializeOwned>(text: &str) -> Result<Vec<Row>, Cause> {
+    if let Some(reason) = wrong_separator(text) {
         return Err(reason.into());
     }
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
