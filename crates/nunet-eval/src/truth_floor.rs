@@ -10,8 +10,6 @@ use nunet_types::{Hint as _, counted};
 
 use crate::event::{Event, OnEvent};
 
-/// A ground that is tilted by more, 5 degrees, is not the floor that the mount expects, radians.
-const MAX_TILT_RAD: f32 = 0.087;
 /// Without labels, a plane in the lower half of an image may be a table. So many images must have one.
 const UNLABELED: usize = 3;
 
@@ -37,7 +35,7 @@ impl TruthFloor {
         truth: &DepthImage<'_>,
     ) {
         let Obstacles { ground, used_labels, .. } = detector.last();
-        if ground.is_refined && ground.tilt_rad() <= MAX_TILT_RAD {
+        if ground.is_refined && ground.is_near_expected() {
             self.with_floor += 1;
         } else if let Some(seen) = detector.floor_view(truth) {
             self.with_floor += 1;

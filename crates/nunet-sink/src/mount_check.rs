@@ -12,14 +12,12 @@ use nunet_types::{Hint as _, counted};
 use tracing::warn;
 
 /// What frames add to the suspicion: those in which the floor was not found at its place, and those in which
-/// it is tilted by more than [`MAX_TILT_RAD`], such as a ramp. Other frames take [`FOUND`] from it.
+/// it is not [near the expected one](Ground::is_near_expected). Other frames take [`FOUND`] from it.
 const MISSING: u32 = 2;
 const TILTED: u32 = 1;
 const FOUND: u32 = 4;
 /// At this suspicion the floor is measured in the image: after 30 frames without floor.
 const SUSPICION: u32 = 60;
-/// A ground that is tilted by more, 5 degrees, is not the floor that the mount expects.
-const MAX_TILT_RAD: f32 = 0.087;
 /// A camera that never found the floor in this number of frames has a wrong mount, or an unusual place.
 const NEVER_FOUND: u32 = 300;
 /// If less of the image than this share shows floor, hardly any direction is free.
@@ -69,7 +67,7 @@ impl MountCheck {
         now: Instant,
     ) {
         let Obstacles { ground, used_labels, .. } = detector.last();
-        let is_elsewhere = !ground.is_refined || ground.tilt_rad() > MAX_TILT_RAD;
+        let is_elsewhere = !(ground.is_refined && ground.is_near_expected());
         if *used_labels && is_elsewhere && self.is_due(now) {
             let found = detector.floor_view(image).and_then(|seen| FloorMismatch::of_image(seen, mount));
             if let Some(found) = found {
@@ -82,7 +80,7 @@ impl MountCheck {
     fn count(&mut self, ground: &Ground) {
         let (more, less) = match ground {
             Ground { is_refined: false, .. } => (MISSING, 0),
-            tilted if tilted.tilt_rad() > MAX_TILT_RAD => (TILTED, 0),
+            tilted if !tilted.is_near_expected() => (TILTED, 0),
             _ => (0, FOUND),
         };
         self.suspicion = (self.suspicion + more).saturating_sub(less);

@@ -32,6 +32,8 @@ const MIN_INLIERS: f32 = 0.3;
 /// How far the plane may be off at the base's origin: meters, and share of the camera's height.
 const MAX_OFFSET_M: f32 = 0.05;
 const MAX_OFFSET_SHARE: f32 = 0.1;
+/// A ground that is tilted by more, 5 degrees, is not the floor that the mount expects, radians.
+const EXPECTED_TILT_RAD: f32 = 0.087;
 
 /// The ground in the base frame: `z = slope_x * x + slope_y * y + height_m`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,6 +65,12 @@ impl Ground {
     #[must_use]
     pub fn tilt_rad(&self) -> f32 {
         self.slope_x.hypot(self.slope_y).atan()
+    }
+
+    /// Whether it may be the floor that the mount expects, and not a ramp or the floor of another mount.
+    #[must_use]
+    pub fn is_near_expected(&self) -> bool {
+        self.tilt_rad() <= EXPECTED_TILT_RAD
     }
 }
 
