@@ -124,6 +124,13 @@ impl SerialGraph {
         self.plan.extras.iter().any(|extra| extra.value.needs_camera())
     }
 
+    /// The focal length of the training camera for images of [`Self::size`], pixels.
+    #[must_use]
+    pub fn training_fx_px(&self) -> Option<f64> {
+        let camera = self.description().camera?;
+        Some(camera.fx * f64::from(self.size().width) / f64::from(camera.width))
+    }
+
     /// Writes the extra inputs: all of them for a camera, the constants without one.
     fn feed_extra_inputs(&mut self, camera: Option<&Intrinsics>) {
         let placeholder = Intrinsics::new(1.0, 1.0, 0.0, 0.0, 1, 1).expect("valid intrinsics");

@@ -105,9 +105,7 @@ impl Decoder {
 /// The scale of all frames. Both focal lengths are compared at the network's width. A network that takes the
 /// camera as an input corrects for it by itself.
 fn scale(graph: &SerialGraph, options: &PipelineOptions, lens: &Lens) -> Result<Scale, PipelineError> {
-    let (description, width) = (graph.description(), f64::from(graph.size().width));
-    let encoding = description.encoding;
-    let training_fx_px = description.camera.map(|camera| camera.fx * width / f64::from(camera.width));
+    let encoding = graph.description().encoding;
     Ok(match (options.scale, options.calibrated_factor) {
         (ScaleMode::Off, _) => Scale::unscaled(encoding),
         (_, Some(_)) if !encoding.is_metric() => return Err(ScaleError::NoUnit.into()),
@@ -116,6 +114,6 @@ fn scale(graph: &SerialGraph, options: &PipelineOptions, lens: &Lens) -> Result<
             let source = if lens.known.is_some() { ScaleSource::Metric } else { ScaleSource::AssumedCamera };
             Scale { source, ..Scale::unscaled(encoding) }
         }
-        _ => Scale::from_focal_lengths(encoding, training_fx_px, lens.network_fx_px),
+        _ => Scale::from_focal_lengths(encoding, graph.training_fx_px(), lens.network_fx_px),
     })
 }

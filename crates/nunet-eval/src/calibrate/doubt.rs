@@ -89,9 +89,8 @@ impl Calibrator {
     /// network corrects for the camera itself.
     fn factor_of_focal_length(&self) -> Option<f64> {
         let graph = self.pipeline.graph();
-        let training = graph.description().camera.filter(|_| !graph.needs_camera())?;
+        let training_fx_px = graph.training_fx_px().filter(|_| !graph.needs_camera())?;
         let camera = self.pipeline.framing().camera_of_network(self.camera.as_ref()?).ok()?;
-        let training_fx_px = training.fx * f64::from(graph.size().width) / f64::from(training.width);
         Some(camera.intrinsics.fx_px / training_fx_px)
     }
 }
