@@ -160,7 +160,9 @@ fn readings_that_the_network_does_not_see_are_skipped_with_a_warning() {
     std::fs::write(bench.path("pairs.csv"), table).unwrap();
     let (model, pairs) = (bench.arg("model.onnx"), bench.arg("pairs.csv"));
     let output = run_well(nunetd(&["calibrate", "--model", &model, "--json", "--pairs", &pairs]));
-    assert_factor(&serde_json::from_slice(&output.stdout).unwrap(), 3);
+    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_factor(&found, 3);
+    assert_eq!(found["unusable"], 2);
     let stderr = text(&output.stderr);
     // One warning has the count and the line of the first.
     let warned = stderr

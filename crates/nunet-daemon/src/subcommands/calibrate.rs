@@ -79,7 +79,7 @@ pub(crate) fn calibrate(options: &CalibrateOptions) -> anyhow::Result<Outcome> {
         let written = calibrator.write_calibration(out, named, &found, (&model.name, &model.hash));
         written.map_err(explained)?;
     }
-    report(options, &found, &model)?;
+    report(options, (&found, calibrator.unusable()), &model)?;
     calibrator.doubts(&found).iter().for_each(|doubt| warn!(hint = doubt.hint().as_deref(), "{doubt}"));
     if calibrator.skipped() == 0 {
         return Ok(Outcome::Done);
@@ -162,7 +162,11 @@ fn take_frames(
     }
 }
 
-fn report(options: &CalibrateOptions, found: &Agreement, model: &ModelName) -> anyhow::Result<()> {
+fn report(
+    options: &CalibrateOptions,
+    (found, unusable): (&Agreement, usize),
+    model: &ModelName,
+) -> anyhow::Result<()> {
     let Agreement { factor, spread, observations, agreeing } = *found;
     let text = if options.json {
         json!({
@@ -171,6 +175,7 @@ fn report(options: &CalibrateOptions, found: &Agreement, model: &ModelName) -> a
             "spread": spread, // `null` if it is unknown
             "observations": observations,
             "agreeing": agreeing,
+            "unusable": unusable,
             "model": model,
             "file": options.out,
         })

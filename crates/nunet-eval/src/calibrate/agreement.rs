@@ -19,9 +19,9 @@ const OUTLIER: f64 = 3.0;
 /// Observations within this share of the median always agree: the spread of nearly equal ones is almost 0.
 const ALWAYS_AGREE: f64 = 0.05;
 /// The largest spread of observations that have one factor.
-const MAX_SPREAD: f64 = 0.25;
+pub(super) const MAX_SPREAD: f64 = 0.25;
 /// The share of observations that must agree.
-const MIN_AGREEING: f64 = 0.7;
+pub(super) const MIN_AGREEING: f64 = 0.7;
 /// The number of observations that an error names.
 const NAMED: usize = 3;
 
@@ -134,6 +134,17 @@ mod tests {
             let error = agreement(wrong).unwrap_err();
             let CalibrateError::Inconsistent { worst, .. } = &error else { panic!("{error}") };
             assert!(worst.starts_with("frame "), "{worst}");
+        }
+    }
+
+    #[test]
+    fn an_error_names_what_contradicts() {
+        for (factors, expected) in [
+            (&[0.5, 1.0, 2.0][..], "their spread is 103 %, expected at most 25 %"),
+            (&[0.9, 0.9, 0.9, 0.9, 900.0, 900.0], "4 of 6 agree, expected at least 70 %"),
+        ] {
+            let text = agreement(factors).unwrap_err().to_string();
+            assert!(text.contains(expected), "{text}");
         }
     }
 

@@ -26,6 +26,15 @@ pub enum FactorDoubt {
         /// All of them.
         observations: usize,
     },
+    /// Some frames, readings or images gave no observation.
+    Unusable {
+        /// How many.
+        unusable: usize,
+        /// The others.
+        observations: usize,
+        /// What the network's depth was compared with.
+        reference: ReferenceKind,
+    },
     /// The direction of the floor in the frames contradicts the mount. The heights mean nothing, because the
     /// scale is not known.
     Mount(FloorMismatch),
@@ -43,6 +52,14 @@ impl fmt::Display for FactorDoubt {
         match self {
             Self::Outliers { outliers, observations } => {
                 write!(f, "{outliers} of {observations} observations are outliers")
+            }
+            Self::Unusable { unusable, observations, reference } => {
+                write!(
+                    f,
+                    "{} without a factor: {unusable} of {}",
+                    reference.observed(),
+                    unusable + observations
+                )
             }
             Self::Mount(FloorMismatch { seen, expected }) => write!(
                 f,
@@ -65,6 +82,11 @@ impl Hint for FactorDoubt {
     fn hint(&self) -> Option<Cow<'static, str>> {
         match self {
             Self::Outliers { .. } => None,
+            // As if there were none at all: what is true for most is probably wrong for all.
+            Self::Unusable { unusable, observations, reference } if unusable > observations => {
+                Some(reference.hint(0).into())
+            }
+            Self::Unusable { observations, reference, .. } => Some(reference.hint(*observations).into()),
             Self::Mount(mismatch) => mismatch.hint(),
             Self::Unusual { .. } => Some(
                 "check the reference (distances and the mount's z are in meters) and the intrinsics".into(),
@@ -80,9 +102,13 @@ impl Calibrator {
         let Agreement { factor, observations, agreeing, .. } = *found;
         let outliers = observations.saturating_sub(agreeing);
         let spread = (outliers > 0).then_some(FactorDoubt::Outliers { outliers, observations });
+        let (unusable, reference) = (self.unusable, self.kind);
+        // Readings have a warning with lines.
+        let has_lost = unusable > 0 && reference != ReferenceKind::Readings;
+        let lost = has_lost.then_some(FactorDoubt::Unusable { unusable, observations, reference });
         let mount = self.gauge.as_ref().and_then(|(_, mount, _)| doubt_of_mount(&self.floors, mount));
         let unusual = self.factor_of_focal_length().and_then(|ratio| unusual(factor, ratio));
-        [spread, mount, unusual].into_iter().flatten().collect()
+        [spread, lost, mount, unusual].into_iter().flatten().collect()
     }
 
     /// The factor without a measurement; `None` if the camera or the training camera is unknown, or if the
@@ -131,6 +157,18 @@ mod tests {
             assert_eq!(doubt_of_mount(&floors(height_m), &mount(0.25, -0.07)), None);
         }
         assert_eq!(doubt_of_mount(&floors(0.25)[..2], &mount(0.25, 0.07)), None, "too few");
+    }
+
+    #[test]
+    fn most_frames_without_a_factor_point_to_the_mount() {
+        let doubt = |unusable, observations| FactorDoubt::Unusable {
+            unusable,
+            observations,
+            reference: ReferenceKind::Floor,
+        };
+        assert_eq!(doubt(14, 6).to_string(), "frames without a factor: 14 of 20");
+        assert!(doubt(14, 6).hint().is_some_and(|hint| hint.contains("pitch")));
+        assert!(doubt(2, 18).hint().is_some_and(|hint| hint.contains("level floor")));
     }
 
     #[test]

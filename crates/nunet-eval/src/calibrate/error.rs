@@ -10,6 +10,7 @@ use nunet_core::scale::ScaleError;
 use nunet_source::{SourceError, SourceErrorKind};
 use nunet_types::{Hint, ImageSize, PixelRect, counted};
 
+use super::agreement::{MAX_SPREAD, MIN_AGREEING};
 use super::kind::ReferenceKind;
 use crate::error::{EvalError, EvalErrorKind};
 use crate::far_truth;
@@ -30,8 +31,8 @@ pub enum CalibrateError {
     },
     /// No single factor explains the observations.
     #[error(
-        "the observations contradict each other: {agreeing} of {observations} agree, spread {:.0} %; {worst}",
-        100.0 * spread
+        "the observations contradict each other: {}; {worst}",
+        contradiction(*spread, *agreeing, *observations)
     )]
     Inconsistent {
         /// Their spread.
@@ -128,6 +129,15 @@ pub enum CalibrateError {
     /// The dataset cannot be used.
     #[error(transparent)]
     Dataset(#[from] EvalError),
+}
+
+/// Which of the two limits is exceeded.
+fn contradiction(spread: f64, agreeing: usize, observations: usize) -> String {
+    if spread > MAX_SPREAD {
+        format!("their spread is {:.0} %, expected at most {:.0} %", 100.0 * spread, 100.0 * MAX_SPREAD)
+    } else {
+        format!("{agreeing} of {observations} agree, expected at least {:.0} %", 100.0 * MIN_AGREEING)
+    }
 }
 
 impl CalibrateError {

@@ -24,6 +24,15 @@ impl ReferenceKind {
         }
     }
 
+    /// What an observation is made of, in the plural.
+    pub(super) fn observed(self) -> &'static str {
+        match self {
+            Self::Point | Self::Floor => "frames",
+            Self::Readings => "readings",
+            Self::Truth => "images",
+        }
+    }
+
     /// What to do if there are only `got` observations, fewer than needed.
     pub(super) fn hint(self, got: usize) -> &'static str {
         match (self, got) {

@@ -64,6 +64,7 @@ pub struct Calibrator {
     /// What the observations were made with.
     kind: ReferenceKind,
     skipped: u64,
+    unusable: usize,
 }
 
 impl Calibrator {
@@ -84,6 +85,7 @@ impl Calibrator {
             observations: Vec::new(),
             kind: ReferenceKind::Readings,
             skipped: 0,
+            unusable: 0,
         }
     }
 
@@ -110,6 +112,13 @@ impl Calibrator {
     #[must_use]
     pub fn skipped(&self) -> u64 {
         self.skipped
+    }
+
+    /// How many frames, readings or images were compared without a factor: the network has no depth there, or
+    /// no floor is where the mount expects it.
+    #[must_use]
+    pub fn unusable(&self) -> usize {
+        self.unusable
     }
 
     /// The factor, and how well the observations agree.
@@ -190,6 +199,7 @@ impl Calibrator {
         }
         on_event(Event::Finished);
         skipped.report(on_event);
+        self.unusable += skipped.count();
         Ok(())
     }
 
@@ -227,8 +237,10 @@ impl Calibrator {
     }
 
     fn observe(&mut self, name: String, factor: Option<f64>) {
-        let usable = factor.filter(|factor| factor.is_finite() && *factor > 0.0);
-        self.observations.extend(usable.map(|factor| Observation { name, factor }));
+        match factor.filter(|factor| factor.is_finite() && *factor > 0.0) {
+            Some(factor) => self.observations.push(Observation { name, factor }),
+            None => self.unusable += 1,
+        }
     }
 
     fn on_floor(&mut self, mount: Mount) -> Result<Option<f64>, CalibrateError> {

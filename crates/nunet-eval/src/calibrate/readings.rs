@@ -29,6 +29,10 @@ pub(super) struct SkippedReadings {
 }
 
 impl SkippedReadings {
+    pub(super) fn count(&self) -> usize {
+        self.outside_view.len() + self.without_depth.len()
+    }
+
     /// One warning for each reason.
     pub(super) fn report(&self, on_event: OnEvent<'_>) {
         for (lines, which) in [
@@ -149,8 +153,10 @@ mod tests {
             ("image,u,v,distance\na,1,2,1\n", "line 2: there is no image `"),
             ("image,u,v,distance\n,1,2,1\n", "line 2: there is no image `"),
         ] {
-            let error = readings(text).unwrap_err().to_string();
-            assert!(error.contains(words), "{error}");
+            for text in [text, &text.replace('\n', "\r\n")] {
+                let error = readings(text).unwrap_err().to_string();
+                assert!(error.contains(words), "{error}");
+            }
         }
         for (path, words) in [("missing.csv", "No such file"), ("/dev/zero", "it is not a regular file")] {
             let error = read(Path::new(path)).unwrap_err().to_string();
