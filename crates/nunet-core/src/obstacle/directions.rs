@@ -29,9 +29,14 @@ enum End {
     OutOfRange,
     /// Where the floor is missing.
     Drop,
-    /// Where something else is seen.
+    /// Where something else is seen, or where the floor cannot be.
     Covered,
 }
+
+/// The farthest floor that is seen must be at least at this share of the distance at which the mount expects
+/// it. With a mount that is some degrees wrong, the foot of an obstacle is taken for distant floor: it looks
+/// like floor up to the last cell, but it is far too near.
+const MIN_REACH: f32 = 0.5;
 
 /// Fills all sectors from the points of obstacles and the cells of the floor.
 pub(super) fn fill(
@@ -70,7 +75,9 @@ fn free_floor(cells: &[Cell], votes: &[Votes]) -> FreeFloor {
         }
         free_squared = free_squared.max(vote.far_squared);
     }
-    FreeFloor { free_m: free_squared.sqrt(), end: End::OutOfRange }
+    let free_m = free_squared.sqrt();
+    let is_where_expected = cells.last().is_none_or(|last| free_m >= MIN_REACH * last.near_m);
+    FreeFloor { free_m, end: if is_where_expected { End::OutOfRange } else { End::Covered } }
 }
 
 /// The sector of this evidence. `seen_from_m` is the distance of the nearest visible floor, `None` if none is
@@ -219,6 +226,21 @@ mod tests {
         assert_eq!(walk(&[(4, 4, 0), (4, 0, 4), (4, 4, 0)]).end, End::Covered, "one cell is no drop");
         assert_eq!(walk(&[(4, 1, 0)]), FreeFloor { free_m: 0.0, end: End::Covered });
         assert_eq!(walk(&[]), FreeFloor { free_m: 0.0, end: End::OutOfRange });
+    }
+
+    #[test]
+    fn floor_that_is_far_nearer_than_expected_is_not_free_to_its_end() {
+        let cells = [1.0, 4.0].map(|near_m| Cell { samples: 4, near_m, tangent: 0.5 });
+        let seen_to = |far_m: f32| {
+            let votes = [1.5, far_m].map(|far_m: f32| Votes {
+                floor: 4,
+                far_squared: far_m.powi(2),
+                ..Votes::default()
+            });
+            free_floor(&cells, &votes)
+        };
+        assert_eq!(seen_to(2.5), FreeFloor { free_m: 2.5, end: End::OutOfRange });
+        assert_eq!(seen_to(1.75), FreeFloor { free_m: 1.75, end: End::Covered });
     }
 
     #[test]
