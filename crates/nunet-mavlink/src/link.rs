@@ -19,6 +19,8 @@ use crate::ring::DistanceRing;
 const HEARTBEAT: Duration = Duration::from_secs(1);
 /// At most 15 distances per second.
 const MIN_PERIOD: Duration = Duration::from_micros(66_000);
+/// Bits on a serial line of the longest message, 280 bytes with a start and a stop bit each.
+const MESSAGE_BITS: f64 = 2800.0;
 /// The pause before a lost connection is reopened.
 const RETRY: Duration = Duration::from_secs(2);
 /// How long opening a connection, to all addresses of its host, or a write may take.
@@ -72,14 +74,26 @@ impl MavlinkLink {
         &self.address
     }
 
-    /// Sends the distances of an image, unless the last ones were sent less than 1/15 s ago. Old ones are
-    /// never sent again.
+    /// The shortest time between distances: 1/15 s, or what a slow serial line needs. More messages than it
+    /// carries would fill its buffer and be torn.
+    #[must_use]
+    pub fn period(&self) -> Duration {
+        match self.address.transport {
+            MavlinkTransport::Serial { baud, .. } => {
+                MIN_PERIOD.max(Duration::from_secs_f64(MESSAGE_BITS / f64::from(baud)))
+            }
+            MavlinkTransport::Udp(_) | MavlinkTransport::Tcp(_) => MIN_PERIOD,
+        }
+    }
+
+    /// Sends the distances of an image, unless less than [`Self::period`] has passed since the last ones. Old
+    /// ones are never sent again.
     pub fn send(&mut self, ring: &DistanceRing, unix_micros: u64, now: Instant) -> Option<LinkEvent> {
         let event = self.keep_alive(now);
         if self.distance_at.is_some_and(|next| now < next) || self.port.is_none() {
             return event;
         }
-        self.distance_at = Some(now + MIN_PERIOD);
+        self.distance_at = Some(now + self.period());
         let bytes = self.messages.obstacle_distance(ring, unix_micros);
         self.write(&bytes, now).or(event)
     }
@@ -310,6 +324,21 @@ mod tests {
         };
         assert_eq!(event, LinkEvent::Opened);
         assert_eq!(number(&received(&autopilot)), HEARTBEAT_NUMBER);
+    }
+
+    #[test]
+    fn a_slow_serial_line_gets_fewer_messages_and_never_more_than_it_carries() {
+        let period = |baud| {
+            let transport = MavlinkTransport::Serial { device: "/dev/ttyS0".into(), baud };
+            MavlinkLink::new(transport.into()).period().as_secs_f64()
+        };
+        let longest_bits = 10.0 * 280.0;
+        for baud in [1, 9600, 19_200, 38_400, 57_600, 921_600, u32::MAX] {
+            assert!(period(baud) * f64::from(baud) >= longest_bits, "{baud}");
+        }
+        assert!((period(9600) - 0.292).abs() < 0.001 && period(57_600) < 1.0 / 15.0);
+        let udp = MavlinkLink::new(MavlinkTransport::Udp("127.0.0.1:14550".to_owned()).into());
+        assert_eq!(udp.period(), MIN_PERIOD);
     }
 
     #[test]

@@ -67,6 +67,9 @@ struct Distances {
     offered: Option<Instant>,
 }
 
+/// Autopilots expect distances at least this often.
+const SLOW: Duration = Duration::from_millis(100);
+
 struct LinkWriter {
     link: MavlinkLink,
 }
@@ -75,7 +78,18 @@ impl LinkWriter {
     fn report(&self, event: Option<LinkEvent>) {
         let address = self.link.address();
         match event {
-            Some(LinkEvent::Opened) => info!("sending obstacles to `{address}`"),
+            Some(LinkEvent::Opened) => {
+                info!("sending obstacles to `{address}`");
+                let period = self.link.period();
+                if period > SLOW {
+                    warn!(
+                        hint = "set both ends to 57600 baud or more",
+                        "the serial line is slow: obstacles are sent every {:.1} s, expected every {:.1} s",
+                        period.as_secs_f32(),
+                        SLOW.as_secs_f32()
+                    );
+                }
+            }
             Some(LinkEvent::Lost(reason)) => {
                 warn!("cannot send obstacles to `{address}`: {reason}; retrying");
             }

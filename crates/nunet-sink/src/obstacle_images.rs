@@ -93,6 +93,9 @@ fn obstacles_json(found: &Obstacles) -> Value {
             "floor_fraction": shortest(ground.floor_fraction),
         },
         "used_labels": found.used_labels,
+        "max_range_m": shortest(found.max_range_m),
+        "angle_min_rad": shortest(found.angle_min_rad),
+        "angle_step_rad": shortest(found.angle_step_rad),
         "sectors": sectors.collect::<Vec<_>>(),
         "points": found.points.len(),
     })
@@ -104,20 +107,34 @@ mod tests {
 
     use super::*;
 
+    fn found(sectors: Vec<ObstacleSector>) -> Obstacles {
+        Obstacles {
+            ground: Ground::EXPECTED,
+            sectors,
+            points: Vec::new(),
+            angle_min_rad: -0.5,
+            angle_step_rad: 0.5,
+            max_range_m: 4.0,
+            used_labels: false,
+        }
+    }
+
+    #[test]
+    fn the_range_of_free_sectors_and_their_sides_are_stated() {
+        let found = found(vec![ObstacleSector::UNKNOWN; 2]);
+        let json = obstacles_json(&found);
+        let of = |name: &str| json[name].as_f64().unwrap();
+        assert_eq!((of("max_range_m"), of("angle_min_rad"), of("angle_step_rad")), (4.0, -0.5, 0.5));
+        // Of the middle of a sector.
+        assert_eq!(json["sectors"][0]["angle_rad"], json!(-0.25));
+    }
+
     #[test]
     fn a_remembered_obstacle_differs_from_one_that_is_seen() {
         let seen =
             ObstacleSector { state: SectorState::Occupied.into(), range_m: 1.2, ..ObstacleSector::UNKNOWN };
         let remembered = ObstacleSector { remembered: 1, age_s: 0.5, ..seen };
-        let found = Obstacles {
-            ground: Ground::EXPECTED,
-            sectors: vec![seen, remembered],
-            points: Vec::new(),
-            angle_min_rad: -0.5,
-            angle_step_rad: 0.5,
-            max_range_m: 5.0,
-            used_labels: false,
-        };
+        let found = found(vec![seen, remembered]);
         let sectors = &obstacles_json(&found)["sectors"];
         let of = |index: usize| (sectors[index]["remembered"].clone(), sectors[index]["age_s"].clone());
         assert_eq!(of(0), (json!(false), json!(0.0)));
