@@ -44,6 +44,15 @@ def test_rows_of_several_steps_are_the_same_after_any_stop(
     assert rows(halved, "steps.csv") == rows(whole, "steps.csv")
 
 
+def test_the_license_may_be_stated_when_a_run_is_resumed(dataset, tmp_path):
+    assert train(dataset, tmp_path, "--minutes", "1e-9") == 0
+    for license, recorded in (("", None), ("CC0, ours", "CC0, ours"), ("", "CC0, ours")):
+        more = ("--license", license) if license else ()
+        assert train(dataset, tmp_path, "--minutes", "1e-9", "--resume", *more) == 0
+        (known,) = Checkpoint.load(tmp_path / "last.pt").provenance.values()
+        assert known.get("license") == recorded
+
+
 def test_a_run_is_not_overwritten_without_resume(dataset, tmp_path, capsys):
     (tmp_path / "last.pt").touch()
     assert train(dataset, tmp_path) == 1

@@ -126,6 +126,11 @@ def test_a_network_of_another_camera_says_so_and_whose_images_they_are(dataset, 
     assert json.loads(values["nunet.camera"]) == known
     assert values["nunet.license"] == "CC0, our own images"
     best = str(run / "best.pt")
+    small = tmp_path / "small.pt"
+    stated = ("--out", str(small), "--license", "CC BY 4.0, theirs")
+    assert main(["export", "--checkpoint", best, *stated]) == 0
+    assert main(["export", "--checkpoint", str(small), "--out", str(model)]) == 0
+    assert read_metadata(model)["nunet.license"] == "CC BY 4.0, theirs"
     for more, fx in (((), 600.0), (("--intrinsics", "300,300,160,120@320x240"), 300.0)):
         shutil.rmtree(onward, ignore_errors=True)
         assert train(dataset, onward, "--start", best, *more, component="depth", epochs=1) == 0

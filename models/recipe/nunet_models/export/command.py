@@ -9,7 +9,7 @@ from nunet_models.errors import ConfigError, with_hint
 from nunet_models.export.annotate import read_accuracy
 from nunet_models.export.blend import blended, with_range
 from nunet_models.export.collections import export_paper, export_tiny
-from nunet_models.export.license import license_of
+from nunet_models.export.license import license_of, with_license
 from nunet_models.export.model_file import Provenance, export_fused, export_staged
 from nunet_models.export.split import split
 from nunet_models.export.untrained import untrained_graph
@@ -118,7 +118,10 @@ def _export_one(options: argparse.Namespace) -> Path:
     out: Path | None = options.out
     if out is not None and out.suffix == ".pt" and options.checkpoint:
         out.parent.mkdir(parents=True, exist_ok=True)
-        _checkpoint(options).halved().save(out)
+        checkpoint = _checkpoint(options)
+        if options.license:
+            checkpoint = with_license(checkpoint, options.license)
+        checkpoint.halved().save(out)
         return out
     if out is None or out.suffix not in {".onnx", ".toml"}:
         raise ConfigError(

@@ -1,6 +1,7 @@
 """The license of trained weights: what the runs behind them state of their images."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,19 @@ def license_of(checkpoint: Checkpoint, path: Path) -> str:
     if len(texts) < 2:
         return next(iter(texts), DATA_LICENSE)
     return "; ".join(f"{', '.join(parts)}: {text}" for text, parts in texts.items())
+
+
+def with_license(checkpoint: Checkpoint, text: str) -> Checkpoint:
+    """`checkpoint` with this license of all trained components and their decoders."""
+    trained = [name for name, epochs in checkpoint.history.items() if epochs]
+    known = checkpoint.provenance
+    stated = {name: _stated(known.get(name, {}), text) for name in trained}
+    return replace(checkpoint, provenance={**known, **stated})
+
+
+def _stated(trained: dict[str, Any], text: str) -> dict[str, Any]:
+    decoder = {"decoder": _stated(trained["decoder"], text)} if "decoder" in trained else {}
+    return {**trained, "license": text, **decoder}
 
 
 def _parts(checkpoint: Checkpoint) -> Iterator[tuple[str, dict[str, Any]]]:

@@ -76,7 +76,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument(
         "--license",
         metavar="TEXT",
-        help="license and attribution of the images, recorded for `export`",
+        help="license and attribution of the images, recorded for `export`; replaces that of a "
+        "run that is resumed",
     )
     add_graph_options(parser)
     _add_settings(parser)

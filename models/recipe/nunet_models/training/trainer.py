@@ -251,6 +251,9 @@ class Trainer:
         self.step, self.epoch, self.batch = (progress[k] for k in ("step", "epoch", "batch"))
         self.losses = list(progress.get("losses", []))  # absent in files of earlier versions
         self.history = checkpoint.history[name]
+        stated = self.before.provenance.get(name, {}).get("license")
+        if stated:
+            checkpoint.provenance[name]["license"] = stated
         self.before = checkpoint
 
     def _check_same_run(self, started: Checkpoint, progress: dict[str, Any]) -> None:
