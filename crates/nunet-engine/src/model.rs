@@ -7,9 +7,10 @@ use std::time::Instant;
 
 use nunet_core::camera::{CalibratedScale, Camera, Mount};
 use nunet_core::cloud::CloudPoint;
+use nunet_core::depth::ScaleSource;
 use nunet_core::filter::{FilterOptions, FilterSpec};
 use nunet_core::frame::ImageView;
-use nunet_core::framing::{AspectMode, Framing};
+use nunet_core::framing::{AspectMismatch, AspectMode, Framing};
 use nunet_core::graph::Provider;
 use nunet_core::pipeline::{FrameReport, Outputs, Pipeline, PipelineError, PipelineOptions};
 use nunet_core::scale::ScaleMode;
@@ -49,6 +50,8 @@ pub struct Model {
     report: String,
     pipeline: Pipeline,
     camera: Option<Camera>,
+    /// The factor of the camera's calibration, if it is used.
+    scale: Option<CalibratedScale>,
     /// The factor of the options.
     own_factor: Option<f32>,
     /// The factor of the pipeline.
@@ -85,6 +88,8 @@ pub struct Inferred {
     pub points_camera: Camera,
     /// Which part of the image the results cover.
     pub framing: Framing,
+    /// A factor that was measured with images that were taken in another way.
+    pub aspect_mismatch: Option<AspectMismatch>,
     /// Nanoseconds of the whole call.
     pub total_nanos: u64,
 }
@@ -119,6 +124,7 @@ impl Model {
             report,
             pipeline,
             camera: None,
+            scale: None,
             own_factor: factor,
             factor,
             runs: 0,
@@ -170,6 +176,7 @@ impl Model {
             self.pipeline.set_calibrated_factor(factor)?;
             self.factor = factor;
         }
+        self.scale = fitting;
         Ok(fitting.is_some() == scale.is_some())
     }
 
@@ -234,7 +241,21 @@ impl Model {
         let points_camera = *self.pipeline.points_camera();
         let total_nanos = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
         let framing = *self.pipeline.framing();
-        Ok(Inferred { depth, labels, confidence, rgb, report, points_camera, framing, total_nanos })
+        let aspect_mismatch = self
+            .scale
+            .filter(|_| report.scale_source == ScaleSource::Calibrated)
+            .and_then(|scale| AspectMismatch::of(&scale, self.pipeline.aspect(), &framing));
+        Ok(Inferred {
+            depth,
+            labels,
+            confidence,
+            rgb,
+            report,
+            points_camera,
+            framing,
+            aspect_mismatch,
+            total_nanos,
+        })
     }
 
     /// The colors of the last image's results: those of the cloud if there is one, else the network's input.

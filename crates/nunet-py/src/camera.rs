@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use numpy::PyArray2;
 use nunet_core::camera::{self, CalibratedScale, Distortion, Intrinsics, check_scale_factor};
+use nunet_core::framing::AspectMode;
 use nunet_source::read_calibration;
 use nunet_types::{ImageSize, shortest};
 use pyo3::exceptions::{PyTypeError, PyValueError};
@@ -62,8 +63,8 @@ pub(crate) struct PyCamera(pub(crate) camera::Camera, pub(crate) Option<Calibrat
 /// The arguments that restore a pickled camera: `fx, fy, cx, cy, size, distortion, distortion_model, scale`.
 type PickledCamera = (f64, f64, f64, f64, (u32, u32), Vec<f64>, Option<&'static str>, Option<ScaleArguments>);
 
-/// A factor, and the SHA-256 of the model that it is for.
-type ScaleArguments = (f32, Option<[u8; 32]>);
+/// A factor, the SHA-256 of the model that it is for, and the name of the aspect mode of its measurement.
+type ScaleArguments = (f32, Option<[u8; 32]>, Option<String>);
 
 #[pymethods]
 impl PyCamera {
@@ -84,7 +85,7 @@ impl PyCamera {
         let intrinsics = Intrinsics::new(fx, fy, cx, cy, width, height).map_err(of_camera)?;
         let coefficients = distortion.map(coefficients).transpose()?.unwrap_or_default();
         let factor = scale.map(check_scale_factor).transpose().map_err(of_camera)?;
-        let scale = factor.map(|factor| CalibratedScale { factor, model_hash: None });
+        let scale = factor.map(|factor| CalibratedScale { factor, model_hash: None, aspect: None });
         Ok(Self(camera::Camera { intrinsics, distortion: lens(&coefficients, distortion_model)? }, scale))
     }
 
@@ -215,7 +216,9 @@ impl PyCamera {
         let this = slf.get();
         let rebuild = slf.py().import("nunet_py._native")?.getattr("_camera")?;
         let lens = (this.distortion(), this.distortion_model());
-        let scale = this.1.map(|scale| (scale.factor, scale.model_hash));
+        let scale = this.1.map(|CalibratedScale { factor, model_hash, aspect }| {
+            (factor, model_hash, aspect.map(|mode| mode.name().to_owned()))
+        });
         let parts = (this.fx(), this.fy(), this.cx(), this.cy(), this.size(), lens.0, lens.1, scale);
         Ok((rebuild, parts))
     }
@@ -236,7 +239,10 @@ fn _camera(
     scale: Option<ScaleArguments>,
 ) -> PyResult<PyCamera> {
     let intrinsics = Intrinsics::new(fx, fy, cx, cy, size.0, size.1).map_err(of_camera)?;
-    let scale = scale.map(|(factor, model_hash)| CalibratedScale { factor, model_hash });
+    let scale = scale.map(|(factor, model_hash, aspect)| {
+        let aspect = aspect.and_then(|name| AspectMode::named(&name));
+        CalibratedScale { factor, model_hash, aspect }
+    });
     Ok(PyCamera(
         camera::Camera { intrinsics, distortion: lens(&distortion, distortion_model.as_deref())? },
         scale,

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use nunet_core::camera::{CalibratedScale, Calibration, Camera, CameraError, IntrinsicsSpec};
 use nunet_core::depth::ScaleSource;
-use nunet_core::framing::{AspectMode, Framing};
+use nunet_core::framing::{AspectMismatch, Framing};
 use nunet_core::pipeline::Pipeline;
 use nunet_core::plain_file;
-use nunet_types::ImageSize;
+use nunet_types::{Hint as _, ImageSize};
 use tracing::warn;
 
 use crate::error::SourceError;
@@ -183,7 +183,8 @@ impl CameraResolver {
 impl CameraResolver {
     /// Passes the factor of the calibration to the pipeline, unless it was measured with another model.
     fn pass_factor(&self, pipeline: &mut Pipeline) -> Result<(), SourceError> {
-        let Some(CalibratedScale { factor, model_hash }) = self.calibrated_scale() else { return Ok(()) };
+        let Some(scale) = self.calibrated_scale() else { return Ok(()) };
+        let CalibratedScale { factor, model_hash, .. } = scale;
         if model_hash.is_some_and(|hash| hash != pipeline.graph().description().hash) {
             warn!(
                 "the calibration's scale factor {factor} is ignored: it was measured with another model; calibrate again"
@@ -196,30 +197,11 @@ impl CameraResolver {
         })?;
         // It has no effect if the scale is off.
         if pipeline.scale().source == ScaleSource::Calibrated {
-            self.warn_of_aspect(factor, pipeline.aspect(), pipeline.framing());
+            let mismatch = AspectMismatch::of(&scale, pipeline.aspect(), pipeline.framing());
+            mismatch.iter().for_each(|mismatch| warn!(hint = mismatch.hint().as_deref(), "{mismatch}"));
         }
         Ok(())
     }
-
-    /// Warns if the factor was measured with images that were taken in another way than these. The error of
-    /// depth in a squeezed image is another one than in a cropped one.
-    fn warn_of_aspect(&self, factor: f32, mode: AspectMode, framing: &Framing) {
-        let Some(Named::Calibration(calibration)) = &self.named else { return };
-        let measured = calibration.scale_aspect().filter(|measured| is_taken_otherwise(framing, *measured));
-        if let Some(measured) = measured {
-            let (size, measured, mode) = (framing.image(), measured.name(), mode.name());
-            warn!(
-                hint = format!("calibrate again with `{mode}`, or choose `{measured}`"),
-                "the calibration's scale factor {factor} was measured with the aspect mode `{measured}`, but images of \
-                 {size} are taken with `{mode}`: depth may be wrong by a constant factor"
-            );
-        }
-    }
-}
-
-/// Whether the images would be taken in another way with the mode `measured`.
-fn is_taken_otherwise(framing: &Framing, measured: AspectMode) -> bool {
-    framing.with_mode(measured) != *framing
 }
 
 /// What a pipeline assumes about an unknown camera.
@@ -325,19 +307,6 @@ mod tests {
             error.to_string().replace(file.path().to_str().unwrap(), "FILE"),
             @"the scale factor 0.9 conflicts with the factor 0.8 in the calibration `FILE`"
         );
-    }
-
-    #[test]
-    fn only_images_of_another_aspect_ratio_depend_on_the_aspect_mode() {
-        for measured in AspectMode::ALL {
-            for mode in AspectMode::ALL {
-                let is_otherwise = |image: (u32, u32)| {
-                    is_taken_otherwise(&Framing::new(mode, image.into(), (640, 480).into()), measured)
-                };
-                assert_eq!(is_otherwise((1280, 720)), mode != measured, "{mode:?} {measured:?}");
-                assert!(!is_otherwise((1280, 960)), "{mode:?} {measured:?}");
-            }
-        }
     }
 
     #[test]

@@ -1,6 +1,7 @@
 """Where the scale of depth comes from."""
 
 import pickle
+import warnings
 
 import numpy as np
 import nunet_py as nunet
@@ -41,6 +42,23 @@ def test_a_calibration_file_brings_its_scale_and_pickle_keeps_it(tmp_path):
     assert "scale=0.5" in repr(camera)
     assert pickle.loads(pickle.dumps(camera)) == camera != nunet.Camera(110, 112, 60, 50, (128, 96))
     assert camera.at_size(64, 48).scale == 0.5
+
+
+def test_a_scale_that_was_measured_with_another_aspect_causes_one_warning(tiny, tmp_path):
+    path = tmp_path / "front.yaml"
+    # The shape of the images is not that of the model.
+    wide = CALIBRATION.replace("image_width: 128", "image_width: 160").replace("96", "90")
+    path.write_text(wide.replace("0.5}", "0.5, aspect: stretch}"))
+    camera = pickle.loads(pickle.dumps(nunet.Camera.from_yaml(path)))
+    for aspect, count in [("crop", 1), ("stretch", 0)]:
+        net = nunet.Model(tiny.path, aspect=aspect)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            for _ in range(2):
+                net.infer(noise(90, 160), camera=camera)
+        about = [str(w.message) for w in caught if "the aspect mode `stretch`" in str(w.message)]
+        assert len(about) == count, about
+        assert all("\nhint: calibrate again with `crop`" in message for message in about)
 
 
 def test_a_scale_is_shown_as_it_was_given(tiny):

@@ -4,8 +4,10 @@
 //! 4:3. The image is therefore cropped to the network's aspect ratio, or padded to it.
 
 mod aspect;
+mod mismatch;
 
 pub use aspect::MAX_STRETCH;
+pub use mismatch::AspectMismatch;
 pub use nunet_types::{AspectMode, PixelRect};
 
 use nunet_types::ImageSize;

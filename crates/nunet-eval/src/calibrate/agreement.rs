@@ -9,7 +9,8 @@
 
 use std::fmt;
 
-use super::{CalibrateError, ReferenceKind};
+use super::error::{CalibrateError, MAX_SPREAD, MIN_AGREEING};
+use super::kind::ReferenceKind;
 use crate::median::median;
 
 /// The ratio of standard deviation and MAD of a normal distribution.
@@ -18,10 +19,6 @@ const MAD_TO_DEVIATION: f64 = 1.4826;
 const OUTLIER: f64 = 3.0;
 /// Observations within this share of the median always agree: the spread of nearly equal ones is almost 0.
 const ALWAYS_AGREE: f64 = 0.05;
-/// The largest spread of observations that have one factor.
-pub(super) const MAX_SPREAD: f64 = 0.25;
-/// The share of observations that must agree.
-pub(super) const MIN_AGREEING: f64 = 0.7;
 /// The number of observations that an error names.
 const NAMED: usize = 3;
 

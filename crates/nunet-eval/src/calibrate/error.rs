@@ -10,10 +10,14 @@ use nunet_core::scale::ScaleError;
 use nunet_source::{SourceError, SourceErrorKind};
 use nunet_types::{Hint, ImageSize, PixelRect, counted};
 
-use super::agreement::{MAX_SPREAD, MIN_AGREEING};
 use super::kind::ReferenceKind;
 use crate::error::{EvalError, EvalErrorKind};
 use crate::far_truth;
+
+/// The largest spread of observations that have one factor.
+pub(super) const MAX_SPREAD: f64 = 0.25;
+/// The share of observations that must agree.
+pub(super) const MIN_AGREEING: f64 = 0.7;
 
 /// Why no factor was found.
 #[derive(Debug, thiserror::Error)]

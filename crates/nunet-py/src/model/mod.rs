@@ -186,8 +186,8 @@ impl PyModel {
     /// Warns
     /// -----
     /// UserWarning
-    ///     Once for a model: no camera was given, or the image was cropped or stretched to the model's aspect
-    ///     ratio.
+    ///     Once for a model: no camera was given, the image was cropped or stretched to the model's aspect
+    ///     ratio, or the camera's scale was measured with another `aspect`.
     ///
     /// Examples
     /// --------

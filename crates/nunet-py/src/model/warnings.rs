@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use nunet_core::depth::ScaleSource;
-use nunet_core::framing::Framing;
+use nunet_core::framing::{AspectMismatch, Framing};
 use nunet_types::Hint as _;
 use pyo3::prelude::*;
 
@@ -16,6 +16,7 @@ pub(super) struct Warnings {
     no_camera: AtomicBool,
     aspect: AtomicBool,
     factor: AtomicBool,
+    measured_aspect: AtomicBool,
     dim: AtomicBool,
 }
 
@@ -56,6 +57,18 @@ impl Warnings {
             )?;
         }
         Ok(())
+    }
+
+    /// Warns of a factor that was measured with another aspect mode.
+    pub(super) fn issue_of_measured_aspect(
+        &self,
+        py: Python<'_>,
+        mismatch: Option<&AspectMismatch>,
+    ) -> PyResult<()> {
+        match mismatch.filter(|_| first(&self.measured_aspect)) {
+            Some(mismatch) => warn_with_hint(py, &mismatch.to_string(), &mismatch.hint().unwrap_or_default()),
+            None => Ok(()),
+        }
     }
 }
 

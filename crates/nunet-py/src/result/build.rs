@@ -35,7 +35,7 @@ impl Result {
     }
 
     fn new(py: Python<'_>, inferred: Inferred, origin: Origin, shared: Arc<ResultContext>) -> PyResult<Self> {
-        let Inferred { depth, labels, confidence, rgb, report, points_camera, framing, total_nanos } =
+        let Inferred { depth, labels, confidence, rgb, report, points_camera, framing, total_nanos, .. } =
             inferred;
         let (width, height) = (points_camera.intrinsics.width, points_camera.intrinsics.height);
         let (rows, columns) = (height as usize, width as usize);

@@ -16,10 +16,7 @@ pub(super) fn parse(text: &str) -> Result<Calibration, CalibrationError> {
     } else {
         parse_yaml::<CameraInfoFile>(&document)?.calibration(&document)?
     };
-    Ok(match scale {
-        Some((scale, scale_aspect)) => Calibration { scale: Some(scale), scale_aspect, ..calibration },
-        None => calibration,
-    })
+    Ok(Calibration { scale, ..calibration })
 }
 
 /// The keys that are read of a file and of a printed message; others are ignored. All are optional here, so

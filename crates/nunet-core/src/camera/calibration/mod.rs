@@ -13,7 +13,7 @@ mod yaml;
 
 use std::fmt;
 
-use nunet_types::{AspectMode, ImageSize, SensorRegion};
+use nunet_types::{ImageSize, SensorRegion};
 
 use super::{Camera, CameraError, Distortion, Intrinsics};
 
@@ -56,7 +56,6 @@ pub struct Calibration {
     ignored_skew: Option<IgnoredSkew>,
     assumed_model: Option<&'static str>,
     scale: Option<CalibratedScale>,
-    scale_aspect: Option<AspectMode>,
 }
 
 /// The fields of a `sensor_msgs/CameraInfo` that describe the image as the sensor delivers it.
@@ -149,13 +148,7 @@ impl Calibration {
         let distortion = Distortion::from_ros(info.distortion_model, info.d)?;
         let ignored_skew = (skew != 0.0).then_some(IgnoredSkew { skew_px: skew, fx_px: fx });
         let assumed_model = Distortion::model_of(info.d).filter(|_| info.distortion_model.is_empty());
-        Ok(Self {
-            camera: Camera { intrinsics, distortion },
-            ignored_skew,
-            assumed_model,
-            scale: None,
-            scale_aspect: None,
-        })
+        Ok(Self { camera: Camera { intrinsics, distortion }, ignored_skew, assumed_model, scale: None })
     }
 
     /// The camera at the size that it was calibrated at.
@@ -180,13 +173,6 @@ impl Calibration {
     #[must_use]
     pub fn scale(&self) -> Option<CalibratedScale> {
         self.scale
-    }
-
-    /// What was done with images of another aspect ratio when the factor was measured, where the file says
-    /// so.
-    #[must_use]
-    pub fn scale_aspect(&self) -> Option<AspectMode> {
-        self.scale_aspect
     }
 
     /// The camera when its images are resized to `width` x `height` pixels.

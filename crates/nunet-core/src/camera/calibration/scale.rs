@@ -20,6 +20,8 @@ pub struct CalibratedScale {
     pub factor: f32,
     /// SHA-256 of the model that it was measured with; `None` if it is for any model.
     pub model_hash: Option<[u8; 32]>,
+    /// What was done with images of another aspect ratio when it was measured, if it is known.
+    pub aspect: Option<AspectMode>,
 }
 
 /// A measured factor for a calibration file.
@@ -52,8 +54,8 @@ struct ScaleEntry {
     aspect: Option<String>,
 }
 
-/// The factor in a calibration file, and the mode that it was measured with.
-pub(super) fn parse(text: &str) -> Result<Option<(CalibratedScale, Option<AspectMode>)>, CalibrationError> {
+/// The factor in a calibration file.
+pub(super) fn parse(text: &str) -> Result<Option<CalibratedScale>, CalibrationError> {
     // Another parser reads the other keys. A file without this key is not parsed twice.
     if !text.contains(KEY) {
         return Ok(None);
@@ -65,7 +67,7 @@ pub(super) fn parse(text: &str) -> Result<Option<(CalibratedScale, Option<Aspect
     let factor = check_scale_factor(factor).map_err(CalibrationError::ScaleFactor)?;
     let model_hash = entry.model_sha256.map(|text| hash(&text)).transpose()?;
     let aspect = entry.aspect.map(aspect).transpose()?;
-    Ok(Some((CalibratedScale { factor, model_hash }, aspect)))
+    Ok(Some(CalibratedScale { factor, model_hash, aspect }))
 }
 
 fn aspect(text: String) -> Result<AspectMode, CalibrationError> {
@@ -98,15 +100,16 @@ impl ScaleNote {
         let written = self.inserted_into(text);
         let broken = |reason: String| CalibrationError::NoPlaceForScale { reason };
         let after = Calibration::parse(&written).map_err(|error| broken(error.to_string()))?;
-        let expected = Calibration { scale: after.scale, scale_aspect: after.scale_aspect, ..before };
+        let expected = Calibration { scale: after.scale, ..before };
         let is_this = |scale: CalibratedScale| {
             (f64::from(scale.factor) - self.factor).abs() < 1e-5 * (1.0 + self.factor)
                 && scale.model_hash == hash(&self.model_sha256).ok()
+                && scale.aspect == Some(self.aspect)
         };
         if after != expected {
             return Err(broken("the camera would change".to_owned()));
         }
-        if !after.scale.is_some_and(is_this) || after.scale_aspect != Some(self.aspect) {
+        if !after.scale.is_some_and(is_this) {
             return Err(broken("the factor would not be read".to_owned()));
         }
         Ok(written)
@@ -205,8 +208,9 @@ distortion_coefficients: {rows: 1, cols: 5, data: [0.1, 0, 0, 0, 0]}
         let text = written(0.83, FILE);
         assert!(text.starts_with(FILE), "{text}");
         let calibration = Calibration::parse(&text).unwrap();
-        assert_eq!(calibration.scale(), Some(CalibratedScale { factor: 0.83, model_hash: Some([10; 32]) }));
-        assert_eq!(calibration.scale_aspect(), Some(AspectMode::Letterbox));
+        let aspect = Some(AspectMode::Letterbox);
+        let scale = CalibratedScale { factor: 0.83, model_hash: Some([10; 32]), aspect };
+        assert_eq!(calibration.scale(), Some(scale));
         assert_eq!(calibration.camera(), Calibration::parse(FILE).unwrap().camera());
         assert_eq!(written(1.2, &text), written(1.2, FILE), "the old factor is replaced");
     }
@@ -307,7 +311,7 @@ distortion_coefficients: !!opencv-matrix
     fn a_factor_by_hand_is_for_any_model_and_a_wrong_one_is_an_error() {
         let scale = |entry: &str| Calibration::parse(&format!("{FILE}nunet_scale: {entry}\n"));
         let by_hand = scale("{factor: 0.9}").unwrap().scale();
-        assert_eq!(by_hand, Some(CalibratedScale { factor: 0.9, model_hash: None }));
+        assert_eq!(by_hand, Some(CalibratedScale { factor: 0.9, model_hash: None, aspect: None }));
         for wrong in
             ["{}", "{factor: -1}", "{factor: .nan}", "{factor: x}", "{factor: 1, model_sha256: 12}", "[1]"]
         {
@@ -326,8 +330,8 @@ distortion_coefficients: !!opencv-matrix
         let block =
             "nunet_scale:\n  factor: 0.94404\n  spread: 0.0050\n  agreeing: 30\n  model: \"wnet_c.onnx\"\n";
         let older = Calibration::parse(&format!("{FILE}{block}  model_sha256: \"{hash}\"\n")).unwrap();
-        let scale = CalibratedScale { factor: 0.94404, model_hash: Some([10; 32]) };
-        assert_eq!((older.scale(), older.scale_aspect()), (Some(scale), None));
+        let scale = CalibratedScale { factor: 0.94404, model_hash: Some([10; 32]), aspect: None };
+        assert_eq!(older.scale(), Some(scale));
         let wrong = Calibration::parse(&format!("{FILE}nunet_scale: {{factor: 0.9, aspect: squeeze}}\n"));
         assert_eq!(wrong, Err(CalibrationError::Aspect { text: "squeeze".to_owned() }));
     }
