@@ -35,8 +35,9 @@ fn hints_in_texts(path: &str, text: &str) -> Vec<String> {
 }
 
 /// Types with hints that are in no chain of causes, and what their hints are copied into instead.
-const COPIED: [(&str, &str); 7] = [
+const COPIED: [(&str, &str); 8] = [
     ("AddressError", "`BadArguments`: it is an error of a flag"),
+    ("AspectMismatch", "a warning of what reads the calibration"),
     ("CameraFault", "`SourceError`"),
     ("DimImages", "a warning of what reads the images"),
     ("FactorDoubt", "a warning of `calibrate`"),

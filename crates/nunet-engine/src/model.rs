@@ -211,13 +211,7 @@ impl Model {
         keep_state: bool,
     ) -> Result<Inferred, EngineError> {
         let start = Instant::now();
-        if let Some(camera) = camera {
-            camera.fitted_to(image.width(), image.height()).map_err(PipelineError::from)?;
-        }
-        if self.camera != camera {
-            self.pipeline.set_camera(camera)?;
-            self.camera = camera;
-        }
+        self.take_camera(camera, image)?;
         if !keep_state {
             self.pipeline.reset_with_scale();
         }
@@ -241,10 +235,7 @@ impl Model {
         let points_camera = *self.pipeline.points_camera();
         let total_nanos = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
         let framing = *self.pipeline.framing();
-        let aspect_mismatch = self
-            .scale
-            .filter(|_| report.scale_source == ScaleSource::Calibrated)
-            .and_then(|scale| AspectMismatch::of(&scale, self.pipeline.aspect(), &framing));
+        let aspect_mismatch = self.aspect_mismatch(report.scale_source);
         Ok(Inferred {
             depth,
             labels,
@@ -256,6 +247,24 @@ impl Model {
             aspect_mismatch,
             total_nanos,
         })
+    }
+
+    /// Sets the camera of the next image.
+    fn take_camera(&mut self, camera: Option<Camera>, image: &ImageView<'_>) -> Result<(), EngineError> {
+        if let Some(camera) = camera {
+            camera.fitted_to(image.width(), image.height()).map_err(PipelineError::from)?;
+        }
+        if self.camera != camera {
+            self.pipeline.set_camera(camera)?;
+            self.camera = camera;
+        }
+        Ok(())
+    }
+
+    /// Whether the factor of the last image was measured with images that were taken in another way.
+    fn aspect_mismatch(&self, used: ScaleSource) -> Option<AspectMismatch> {
+        let scale = self.scale.filter(|_| used == ScaleSource::Calibrated)?;
+        AspectMismatch::of(&scale, self.pipeline.aspect(), self.pipeline.framing())
     }
 
     /// The colors of the last image's results: those of the cloud if there is one, else the network's input.

@@ -32,8 +32,8 @@ impl PyModel {
         Arc::clone(&self.shared)
     }
 
-    /// Warns, once for a model, of a missing camera, of images with another aspect ratio, and of a factor that
-    /// was measured with them taken otherwise.
+    /// Warns, once for a model, of a missing camera, of images with another aspect ratio, and of a factor
+    /// that was measured with them taken otherwise.
     pub(crate) fn warn_of_guesses(&self, py: Python<'_>, inferred: &Inferred) -> PyResult<()> {
         self.warnings.issue(py, inferred.report.scale_source, &inferred.framing)?;
         self.warnings.issue_of_measured_aspect(py, inferred.aspect_mismatch.as_ref())
