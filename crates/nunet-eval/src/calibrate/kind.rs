@@ -38,8 +38,8 @@ impl ReferenceKind {
         match (self, got) {
             (Self::Point, _) => "choose another point: the network has no depth around this one",
             (Self::Floor, 0) => {
-                "check z (meters), roll and pitch (radians) of the mount: no frame shows enough floor where it expects \
-                 the floor"
+                "check z (meters), roll and pitch (radians) of the mount: where it expects the floor, the frames show \
+                 something else"
             }
             (Self::Floor, _) => "give more frames that show level floor",
             (Self::Readings, 0) => "choose points that the network sees, and where it has depth",
