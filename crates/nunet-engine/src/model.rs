@@ -7,7 +7,6 @@ use std::time::Instant;
 
 use nunet_core::camera::{CalibratedScale, Camera, Mount};
 use nunet_core::cloud::CloudPoint;
-use nunet_core::depth::ScaleSource;
 use nunet_core::filter::{FilterOptions, FilterSpec};
 use nunet_core::frame::ImageView;
 use nunet_core::framing::{AspectMismatch, AspectMode, Framing};
@@ -54,8 +53,6 @@ pub struct Model {
     scale: Option<CalibratedScale>,
     /// The factor of the options.
     own_factor: Option<f32>,
-    /// The factor of the pipeline.
-    factor: Option<f32>,
     /// Also counts images at which the network failed, because they may forget the state.
     runs: u64,
     pools: Pools,
@@ -126,7 +123,6 @@ impl Model {
             camera: None,
             scale: None,
             own_factor: factor,
-            factor,
             runs: 0,
             pools: Pools::default(),
         })
@@ -169,12 +165,11 @@ impl Model {
     /// # Errors
     /// Depth without a unit.
     pub fn set_calibrated_scale(&mut self, scale: Option<CalibratedScale>) -> Result<bool, EngineError> {
-        let own = self.pipeline.graph().description().hash;
-        let fitting = scale.filter(|scale| scale.model_hash.is_none_or(|hash| hash == own));
-        let factor = fitting.map(|scale| scale.factor).or(self.own_factor);
-        if self.factor != factor {
+        let fitting = scale.filter(|scale| scale.is_for(&self.pipeline.graph().description().hash));
+        let factor_of = |scale: Option<CalibratedScale>| scale.map(|scale| scale.factor).or(self.own_factor);
+        let factor = factor_of(fitting);
+        if factor != factor_of(self.scale) {
             self.pipeline.set_calibrated_factor(factor)?;
-            self.factor = factor;
         }
         self.scale = fitting;
         Ok(fitting.is_some() == scale.is_some())
@@ -235,7 +230,7 @@ impl Model {
         let points_camera = *self.pipeline.points_camera();
         let total_nanos = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
         let framing = *self.pipeline.framing();
-        let aspect_mismatch = self.aspect_mismatch(report.scale_source);
+        let aspect_mismatch = self.scale.and_then(|scale| self.pipeline.aspect_mismatch(&scale));
         Ok(Inferred {
             depth,
             labels,
@@ -259,12 +254,6 @@ impl Model {
             self.camera = camera;
         }
         Ok(())
-    }
-
-    /// Whether the factor of the last image was measured with images that were taken in another way.
-    fn aspect_mismatch(&self, used: ScaleSource) -> Option<AspectMismatch> {
-        let scale = self.scale.filter(|_| used == ScaleSource::Calibrated)?;
-        AspectMismatch::of(&scale, self.pipeline.aspect(), self.pipeline.framing())
     }
 
     /// The colors of the last image's results: those of the cloud if there is one, else the network's input.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use nunet_core::camera::{CalibratedScale, Calibration, Camera, CameraError, IntrinsicsSpec};
 use nunet_core::depth::ScaleSource;
-use nunet_core::framing::{AspectMismatch, Framing};
+use nunet_core::framing::Framing;
 use nunet_core::pipeline::Pipeline;
 use nunet_core::plain_file;
 use nunet_types::{Hint as _, ImageSize};
@@ -184,8 +184,8 @@ impl CameraResolver {
     /// Passes the factor of the calibration to the pipeline, unless it was measured with another model.
     fn pass_factor(&self, pipeline: &mut Pipeline) -> Result<(), SourceError> {
         let Some(scale) = self.calibrated_scale() else { return Ok(()) };
-        let CalibratedScale { factor, model_hash, .. } = scale;
-        if model_hash.is_some_and(|hash| hash != pipeline.graph().description().hash) {
+        let factor = scale.factor;
+        if !scale.is_for(&pipeline.graph().description().hash) {
             warn!(
                 "the calibration's scale factor {factor} is ignored: it was measured with another model; calibrate again"
             );
@@ -195,10 +195,8 @@ impl CameraResolver {
             SourceError::bad_arguments("the calibration's scale factor cannot be used".to_owned())
                 .with_cause(error)
         })?;
-        // It has no effect if the scale is off.
-        if pipeline.scale().source == ScaleSource::Calibrated {
-            let mismatch = AspectMismatch::of(&scale, pipeline.aspect(), pipeline.framing());
-            mismatch.iter().for_each(|mismatch| warn!(hint = mismatch.hint().as_deref(), "{mismatch}"));
+        if let Some(mismatch) = pipeline.aspect_mismatch(&scale) {
+            warn!(hint = mismatch.hint().as_deref(), "{mismatch}");
         }
         Ok(())
     }

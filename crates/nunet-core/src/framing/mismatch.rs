@@ -22,7 +22,7 @@ impl AspectMismatch {
     /// For images that are taken like this with the mode `mode`. `None` if they would be taken alike with the
     /// mode of the measurement, or if that is unknown.
     #[must_use]
-    pub fn of(scale: &CalibratedScale, mode: AspectMode, framing: &Framing) -> Option<Self> {
+    pub(crate) fn of(scale: &CalibratedScale, mode: AspectMode, framing: &Framing) -> Option<Self> {
         let CalibratedScale { factor, aspect, .. } = *scale;
         let measured = aspect.filter(|measured| framing.with_mode(*measured) != *framing)?;
         Some(Self { factor, image: framing.image(), measured, mode })

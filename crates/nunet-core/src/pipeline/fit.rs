@@ -4,8 +4,9 @@ use nunet_types::ImageSize;
 
 use super::lens::Lens;
 use super::{Pipeline, PipelineError, PipelineOptions};
-use crate::camera::Camera;
-use crate::framing::{AspectMode, Framing};
+use crate::camera::{CalibratedScale, Camera};
+use crate::depth::ScaleSource;
+use crate::framing::{AspectMismatch, AspectMode, Framing};
 
 impl Pipeline {
     /// Sets the camera of the frames from now on; `None` if it is not known.
@@ -56,6 +57,14 @@ impl Pipeline {
     #[must_use]
     pub fn framing(&self) -> &Framing {
         self.network.framing()
+    }
+
+    /// Whether the calibrated factor, if it is used, was measured with images that were taken in another way
+    /// than the last ones. `scale` is where the factor comes from.
+    #[must_use]
+    pub fn aspect_mismatch(&self, scale: &CalibratedScale) -> Option<AspectMismatch> {
+        let is_used = self.scale().source == ScaleSource::Calibrated;
+        AspectMismatch::of(scale, self.aspect(), self.framing()).filter(|_| is_used)
     }
 }
 

@@ -1,10 +1,11 @@
 //! Warnings about depth that relies on assumptions. A model issues each of them once.
 
+use std::fmt::Display;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use nunet_core::depth::ScaleSource;
 use nunet_core::framing::{AspectMismatch, Framing};
-use nunet_types::Hint as _;
+use nunet_types::Hint;
 use pyo3::prelude::*;
 
 use crate::error::warn_with_hint;
@@ -39,12 +40,7 @@ impl Warnings {
     /// Warns of a file of 16 bits that uses only the lower ones.
     pub(super) fn issue_of_image(&self, py: Python<'_>, image: &ImageArgument<'_>) -> PyResult<()> {
         let ImageArgument::File(file) = image else { return Ok(()) };
-        match &file.dim {
-            Some(dim) if first(&self.dim) => {
-                warn_with_hint(py, &dim.to_string(), &dim.hint().unwrap_or_default())
-            }
-            _ => Ok(()),
-        }
+        warn_of(py, file.dim.as_ref(), &self.dim)
     }
 
     /// Warns about a factor that is ignored because it was measured with another model.
@@ -65,10 +61,15 @@ impl Warnings {
         py: Python<'_>,
         mismatch: Option<&AspectMismatch>,
     ) -> PyResult<()> {
-        match mismatch.filter(|_| first(&self.measured_aspect)) {
-            Some(mismatch) => warn_with_hint(py, &mismatch.to_string(), &mismatch.hint().unwrap_or_default()),
-            None => Ok(()),
-        }
+        warn_of(py, mismatch, &self.measured_aspect)
+    }
+}
+
+/// Warns with the text and the hint of a notice.
+fn warn_of(py: Python<'_>, notice: Option<&(impl Display + Hint)>, issued: &AtomicBool) -> PyResult<()> {
+    match notice.filter(|_| first(issued)) {
+        Some(notice) => warn_with_hint(py, &notice.to_string(), &notice.hint().unwrap_or_default()),
+        None => Ok(()),
     }
 }
 

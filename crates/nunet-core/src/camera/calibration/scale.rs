@@ -24,6 +24,14 @@ pub struct CalibratedScale {
     pub aspect: Option<AspectMode>,
 }
 
+impl CalibratedScale {
+    /// Whether it is for the model with this SHA-256.
+    #[must_use]
+    pub fn is_for(&self, model_hash: &[u8; 32]) -> bool {
+        self.model_hash.is_none_or(|hash| hash == *model_hash)
+    }
+}
+
 /// A measured factor for a calibration file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ScaleNote {
